@@ -1,0 +1,46 @@
+"""Order-independent transparency on any OpenCL device, with no graphics API."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from clpeel.camera import Camera as Camera
+    from clpeel.errors import ClpeelError as ClpeelError
+    from clpeel.errors import InputError as InputError
+    from clpeel.errors import NoDeviceError as NoDeviceError
+    from clpeel.renderer import Renderer as Renderer
+    from clpeel.renderer import Result as Result
+    from clpeel.renderer import render as render
+    from clpeel.scene import Scene as Scene
+    from clpeel.scene import load as load
+
+__version__ = "0.1.0"
+
+# Imported when first asked for: `clpeel --help` needs neither NumPy nor OpenCL.
+_HOMES = {
+    "Camera": "clpeel.camera",
+    "ClpeelError": "clpeel.errors",
+    "InputError": "clpeel.errors",
+    "NoDeviceError": "clpeel.errors",
+    "Renderer": "clpeel.renderer",
+    "Result": "clpeel.renderer",
+    "Scene": "clpeel.scene",
+    "load": "clpeel.scene",
+    "render": "clpeel.renderer",
+}
+
+__all__ = ["__version__", *_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'clpeel' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,145 @@
+"""Binning: screen triangles to a list for each tile, in submission order, batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from clpeel.device import Gpu
+from clpeel.errors import InputError
+from clpeel.layout import TILE, TILE_PIXELS
+from clpeel.program import launch, program
+from clpeel.projection import Triangles
+
+STAGE = "binning"
+CHUNKS_A_UNIT = 8
+PAIR_BYTES = 4
+TILE_BYTES = TILE_PIXELS * (4 + 16)
+"""Of a tile in a batch, whatever it holds: pixel_end and the layer."""
+
+BATCH_SHARE = 4
+"""A batch's lists and tiles take at most this fraction (1 / n) of the budget; its fragments have the rest."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The lists of the tiles first_tile .. last_tile: records pairs[pair_start[i] : pair_start[i + 1]]."""
+
+    first_tile: int
+    last_tile: int
+    pair_start: cl.Buffer  # uint32 [tiles + 1]
+    pairs: cl.Buffer  # uint32
+
+    @property
+    def tiles(self) -> int:
+        """How many tiles it has."""
+        return self.last_tile - self.first_tile + 1
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """How many records meet each tile of the image, rows of tiles from the top."""
+
+    gpu: Gpu
+    triangles: Triangles
+    columns: int
+    chunk_faces: int
+    chunk_count: int
+    counts: cl.Buffer  # uint32 [chunks, tiles]: where each chunk's records begin in the tile's list
+    tile_pairs: NDArray[np.int64]  # [tiles]
+
+    def batches(self, budget: int) -> Iterator[Batch]:
+        """The tiles that hold anything, in runs whose lists fit `budget` bytes (one tile at least)."""
+        cost = self.tile_pairs * PAIR_BYTES + TILE_BYTES
+        ends = np.cumsum(cost)
+        held = np.flatnonzero(self.tile_pairs)
+        if not len(held):
+            return
+        tile, last_held = int(held[0]), int(held[-1])
+        while tile <= last_held:
+            before = ends[tile] - cost[tile]
+            last = max(int(np.searchsorted(ends, before + budget, side="right")) - 1, tile)
+            last = min(last, last_held)
+            yield self._emit(tile, last)
+            following = np.searchsorted(held, last + 1)
+            if following == len(held):
+                return
+            tile = int(held[following])
+
+    def _emit(self, first_tile: int, last_tile: int) -> Batch:
+        starts = np.zeros(last_tile - first_tile + 2, np.int64)
+        np.cumsum(self.tile_pairs[first_tile : last_tile + 1], out=starts[1:])
+        pair_start = self.gpu.put("pair_start", starts.astype(np.uint32))
+        pairs = self.gpu.buffer("pairs", int(starts[-1]) * PAIR_BYTES)
+        kernel = program(self.gpu, "binning.cl", self.triangles.features)["bin_emit"]
+        launch(
+            self.gpu,
+            STAGE,
+            kernel,
+            self.chunk_count,
+            1,
+            **_walk(self.triangles, self.columns, self.chunk_faces, len(self.tile_pairs), self.counts),
+            first_row=first_tile // self.columns,
+            last_row=last_tile // self.columns,
+            first_tile=first_tile,
+            last_tile=last_tile,
+            pair_start=pair_start,
+            pairs=pairs,
+        )
+        return Batch(first_tile, last_tile, pair_start, pairs)
+
+
+def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
+    """Counts the records that meet each tile, chunk by chunk, within `budget` bytes.
+
+    Raises InputError when one tile has more than 2**24 records, whose fragments 32 bits could not count.
+    """
+    width, height = triangles.size
+    columns, rows = -(-width // TILE), -(-height // TILE)
+    tile_count = columns * rows
+    chunks = CHUNKS_A_UNIT * int(gpu.device.max_compute_units)
+    chunks = max(1, min(chunks, triangles.faces, budget // (4 * tile_count)))
+    chunk_faces = -(-triangles.faces // chunks)
+    chunks = -(-triangles.faces // chunk_faces)
+    counts = gpu.buffer("counts", 4 * chunks * tile_count)
+    tile_pairs = gpu.buffer("tile_pairs", 4 * tile_count)
+    kernels = program(gpu, "binning.cl", triangles.features)
+    walk = _walk(triangles, columns, chunk_faces, tile_count, counts)
+    launch(gpu, STAGE, kernels["bin_count"], chunks, 1, **walk, first_row=0, last_row=rows - 1)
+    launch(
+        gpu,
+        STAGE,
+        kernels["bin_offsets"],
+        tile_count,
+        chunk_count=chunks,
+        tile_count=tile_count,
+        counts=counts,
+        tile_pairs=tile_pairs,
+    )
+    pairs = gpu.get(tile_pairs, tile_count, np.uint32).astype(np.int64)
+    if pairs.max(initial=0) >= 2**32 // TILE_PIXELS:
+        raise InputError(
+            f"scene: expected fewer than {2**32 // TILE_PIXELS:,} triangles in a tile of {TILE} x {TILE} pixels, "
+            f"got {pairs.max():,}; render a larger picture or part of the scene"
+        )
+    return Tiles(gpu, triangles, columns, chunk_faces, chunks, counts, pairs)
+
+
+def _walk(triangles: Triangles, columns: int, chunk_faces: int, tile_count: int, counts: cl.Buffer) -> dict[str, Any]:
+    """The arguments that both walks over the triangles take."""
+    return {
+        "triangles": triangles.records,
+        "bounds": triangles.bounds,
+        "face_count": triangles.faces,
+        "chunk_faces": chunk_faces,
+        "width": triangles.size[0],
+        "height": triangles.size[1],
+        "columns": columns,
+        "tile_count": tile_count,
+        "counts": counts,
+    }

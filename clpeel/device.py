@@ -1,0 +1,152 @@
+"""Devices: which there are, how one is chosen, and the `Gpu` that holds all state."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+from clpeel.errors import InputError, NoDeviceError
+
+INSTALL_HINT = (
+    "no OpenCL device found: install one with 'pip install pocl-binary-distribution' (x86-64 Linux) "
+    "or 'apt install pocl-opencl-icd', or a driver for your GPU"
+)
+
+CPU_LANES, GPU_LANES = 1, 64
+ALLOWED_LANES = (1, 16, 32, 64, 128)
+
+DEFAULT_MEMORY_SHARE = 4
+"""Without --memory a render may use this fraction (1 / n) of the device's memory."""
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """One OpenCL device as `clpeel devices` lists it."""
+
+    number: int
+    name: str
+    platform: str
+    version: str
+    kind: str
+    compute_units: int
+    memory: int  # bytes
+    driver: str
+    device: Any = field(repr=False, compare=False)
+
+
+@dataclass(eq=False)
+class Gpu:
+    """A device with its queue, programs, buffers and the events of the frame: the only state there is."""
+
+    device: cl.Device
+    context: cl.Context
+    queue: cl.CommandQueue
+    lanes: int
+    programs: dict[Any, Any] = field(default_factory=dict)
+    buffers: dict[str, cl.Buffer] = field(default_factory=dict)
+    events: list[tuple[str, str, cl.Event]] = field(default_factory=list)
+
+    def buffer(self, name: str, nbytes: int) -> cl.Buffer:
+        """The buffer of that name, of at least nbytes; it is kept and only ever grows, so frames allocate nothing."""
+        held = self.buffers.get(name)
+        if held is None or held.size < nbytes:
+            self.buffers.pop(name, None)
+            if held is not None:
+                held.release()
+            self.buffers[name] = held = cl.Buffer(self.context, cl.mem_flags.READ_WRITE, max(nbytes, 16))
+        return held
+
+    def put(self, name: str, array: np.ndarray[Any, Any]) -> cl.Buffer:
+        """The buffer of that name, filled from the array."""
+        held = self.buffer(name, array.nbytes)
+        if array.nbytes:
+            cl.enqueue_copy(self.queue, held, np.ascontiguousarray(array), is_blocking=True)
+        return held
+
+    def get(self, held: cl.Buffer, shape: int | tuple[int, ...], dtype: Any) -> np.ndarray[Any, Any]:
+        """The buffer's first elements; waits for the device."""
+        array = np.empty(shape, dtype)
+        cl.enqueue_copy(self.queue, array, held, is_blocking=True)
+        return array
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all buffers held."""
+        return sum(int(held.size) for held in self.buffers.values())
+
+    @property
+    def default_memory(self) -> int:
+        """Bytes a render may use unless told."""
+        return int(self.device.global_mem_size) // DEFAULT_MEMORY_SHARE
+
+
+def list_devices() -> list[DeviceInfo]:
+    """All OpenCL devices, numbered from 0 in the order their platforms are found. Empty when there are none."""
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:  # PLATFORM_NOT_FOUND_KHR: no driver at all
+        return []
+    found: list[DeviceInfo] = []
+    for platform in platforms:
+        try:
+            devices = platform.get_devices()
+        except cl.Error:
+            continue
+        for device in devices:
+            found.append(
+                DeviceInfo(
+                    number=len(found),
+                    name=device.name.strip(),
+                    platform=platform.name.strip(),
+                    version=device.version.strip(),
+                    kind=cl.device_type.to_string(device.type).lower().replace("default | ", ""),
+                    compute_units=device.max_compute_units,
+                    memory=device.global_mem_size,
+                    driver=device.driver_version,
+                    device=device,
+                )
+            )
+    return found
+
+
+def choose(selector: int | str | None) -> DeviceInfo:
+    """The device of that number, or whose name or platform holds that text; by default the first CPU device.
+
+    Raises NoDeviceError when there is no device at all or none fits.
+    """
+    devices = list_devices()
+    if not devices:
+        raise NoDeviceError(INSTALL_HINT)
+    if selector is None or selector == "":
+        return next((d for d in devices if d.device.type & cl.device_type.CPU), devices[0])
+    text = str(selector)
+    if text.isdigit():
+        fitting = [d for d in devices if d.number == int(text)]
+    else:
+        fitting = [d for d in devices if text.lower() in f"{d.name} {d.platform}".lower()]
+    if not fitting:
+        names = "; ".join(f"{d.number}: {d.name} ({d.platform})" for d in devices)
+        raise NoDeviceError(f"device: expected a number or part of a name of {names}; got {text!r}")
+    return fitting[0]
+
+
+def open_device(selector: int | str | None = None, lanes: int | None = None) -> Gpu:
+    """A queue on the chosen device. `lanes`: work-items that share a tile; by default 1 on a CPU and 64 elsewhere.
+
+    The environment variable CLPEEL_DEVICE stands in for a selector that is not given.
+    """
+    info = choose(os.environ.get("CLPEEL_DEVICE") if selector is None else selector)
+    device = info.device
+    if lanes is None:
+        lanes = CPU_LANES if device.type & cl.device_type.CPU else GPU_LANES
+    if lanes not in ALLOWED_LANES:
+        raise InputError(f"lanes: expected one of {', '.join(map(str, ALLOWED_LANES))}, got {lanes!r}")
+    if lanes > device.max_work_group_size:
+        raise InputError(f"lanes: expected at most {device.max_work_group_size} on {info.name}, got {lanes}")
+    context = cl.Context([device])
+    queue = cl.CommandQueue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+    return Gpu(device, context, queue, lanes)

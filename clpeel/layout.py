@@ -1,0 +1,139 @@
+"""The one birthplace of what the host and the kernels share: constants, structs and compile-time features."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SUBPIXEL_BITS = 8
+"""Vertices are snapped to 1/256 pixel; sample points lie at the pixels' centres."""
+
+SUBPIXELS = 1 << SUBPIXEL_BITS
+
+GUARD_BAND = 1 << 24
+"""Largest |x| or |y| of a snapped vertex, in subpixels from the image's centre (65,536 pixels).
+Extents then stay below 2**25, edge functions below 2**51, and every coordinate is an exact float32."""
+
+MAX_SIDE = 1 << 16
+"""Most pixels on a side of the image; half of it lies inside the guard band."""
+
+SMALL_EXTENT = 1 << 14
+"""A triangle of fewer subpixels (64 pixels) a side has 32-bit edge functions all over the tiles it meets:
+|E| <= 2 * 2**14 * (2**14 + 2**12) < 2**31."""
+
+TILE = 16
+"""Pixels on a side of a tile."""
+
+TILE_PIXELS = TILE * TILE
+
+MAX_CLIP_VERTICES = 9
+"""A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners."""
+
+CLIP_TRIANGLES = MAX_CLIP_VERTICES - 2
+"""Records kept for the fan of one clipped triangle."""
+
+CLIPPED_FACE = 0xFFFF
+"""First tile bound of a face whose records are a clipped fan; no image has that many tiles."""
+
+INSERTION_MAX = 24
+"""Deepest pixel sorted by insertion alone, and the length of the runs that longer lists are merged from."""
+
+AMBIENT = 0.2
+"""Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""
+
+DEFAULT_COLOR = (120, 150, 190, 255)
+"""RGBA of a mesh whose file gives no colour."""
+
+# Outcodes of a projected vertex: one bit for each clipping plane it lies outside of.
+OUT_NEAR, OUT_FAR, OUT_LEFT, OUT_RIGHT, OUT_TOP, OUT_BOTTOM, NOT_FINITE = (1 << bit for bit in range(7))
+
+VERTEX = np.dtype(
+    [
+        ("x", np.int32),  # subpixels right of the image's centre, rounded to nearest
+        ("y", np.int32),  # subpixels below the image's centre
+        ("offset_x", np.float32),  # exact minus snapped position, subpixels, within +-0.5
+        ("offset_y", np.float32),
+        ("depth", np.float32),  # reversed: near / view distance, or (far - distance) / (far - near)
+        ("outcode", np.uint32),
+    ]
+)
+"""A vertex after projection; only `outcode` means anything when it is not zero."""
+
+TRIANGLE = np.dtype(
+    [
+        ("x", np.int32, 3),  # snapped corners in subpixels, ordered so that the area is positive with y down
+        ("y", np.int32, 3),
+        ("depth", np.float32, 3),  # of the triangle's plane at the snapped corners
+        ("depth_min", np.float32),  # of the exact corners: no fragment lies outside them
+        ("depth_max", np.float32),
+        ("source", np.uint32),  # submission index: the face it comes from
+    ]
+)
+"""What the rasterizer needs of a triangle."""
+
+COUNTERS = np.dtype([("discarded", np.uint32), ("clipped", np.uint32), ("collected", np.uint32)])
+"""What projection counts."""
+
+STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE, "Counters": COUNTERS}
+
+_C_TYPES = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
+
+
+@dataclass(frozen=True)
+class Features:
+    """What a scene and a request need, and so what the kernels are compiled for."""
+
+    lanes: int
+    perspective: bool
+    low_positions: bool  # positions are float32 pairs
+    color_rate: str  # "scene" | "face" | "vertex"
+    packed_color: bool  # colours come as 4 bytes rather than 4 floats
+    headlight: bool
+
+    @property
+    def fragment_color(self) -> bool:
+        """Whether each fragment has a colour of its own rather than its face's."""
+        return self.color_rate == "vertex" or self.headlight
+
+    @property
+    def fragment_bytes(self) -> int:
+        """Bytes of one fragment: depth and payload, and a float4 where the colour varies."""
+        return 24 if self.fragment_color else 8
+
+    @property
+    def strip(self) -> int:
+        """Pixels of a row that a lane tests at once."""
+        return min(TILE, TILE_PIXELS // self.lanes)
+
+    def options(self) -> list[str]:
+        """-D options for the kernels."""
+        flags = {
+            "LANES": self.lanes,
+            "STRIP": self.strip,
+            "PERSPECTIVE": int(self.perspective),
+            "LOW_POSITIONS": int(self.low_positions),
+            "COLOR_RATE_FACE": int(self.color_rate == "face"),
+            "COLOR_RATE_VERTEX": int(self.color_rate == "vertex"),
+            "PACKED_COLOR": int(self.packed_color),
+            "HEADLIGHT": int(self.headlight),
+            "FRAGMENT_COLOR": int(self.fragment_color),
+        }
+        return [f"-D{name}={value}" for name, value in flags.items()]
+
+
+def declarations() -> str:
+    """OpenCL C text of the shared constants and structs."""
+    lines = [
+        f"#define {name} {value}"
+        for name, value in globals().items()
+        if name.isupper() and not name.startswith("_") and isinstance(value, int)
+    ]
+    lines.append(f"#define AMBIENT {AMBIENT!r}f")
+    for name, dtype in STRUCTS.items():
+        fields = []
+        for field in dtype.names or ():
+            base, shape = dtype[field].base, dtype[field].shape
+            fields.append(f"{_C_TYPES[base]} {field}{f'[{shape[0]}]' if shape else ''};")
+        lines.append(f"typedef struct {{ {' '.join(fields)} }} {name};")
+    return "\n".join(lines) + "\n"

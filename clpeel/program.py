@@ -1,0 +1,101 @@
+"""Programs: kernel sources to launchable kernels, by argument name; the one place that launches and times."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+from clpeel.device import Gpu
+from clpeel.layout import Features, declarations
+
+_INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
+_KERNEL = re.compile(r"^kernel void (\w+)\(([^)]*)\)", re.MULTILINE)
+_SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
+
+CORRECTLY_ROUNDED = "-cl-fp32-correctly-rounded-divide-sqrt"
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled kernel and how it takes its arguments."""
+
+    kernel: cl.Kernel
+    names: tuple[str, ...]
+    scalars: tuple[Any, ...]  # the NumPy type of each scalar argument, None for buffers
+
+
+@cache
+def source(path: str) -> str:
+    """The text of a kernel file, its includes put in once each where they are first asked for."""
+    seen: set[str] = set()
+
+    def expand(name: str) -> str:
+        if name in seen:
+            return ""
+        seen.add(name)
+        text = resources.files("clpeel.kernels").joinpath(*name.split("/")).read_text(encoding="utf-8")
+        return _INCLUDE.sub(lambda match: expand(match[1]), text)
+
+    return declarations() + expand(path)
+
+
+def program(gpu: Gpu, path: str, features: Features) -> dict[str, Kernel]:
+    """The kernels of a file, compiled for these features; compiled once for each `gpu`."""
+    key = path, features
+    if key not in gpu.programs:
+        text = source(path)
+        options = ["-cl-std=CL1.2", *features.options()]
+        if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
+            options.append(CORRECTLY_ROUNDED)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", cl.CompilerWarning)
+            built = cl.Program(gpu.context, text).build(options=options)
+        kernels = {}
+        for name, parameters in _KERNEL.findall(text):
+            words = [re.sub(r"\s+", " ", parameter).strip() for parameter in parameters.split(",")]
+            names = tuple(re.split(r"[ *]", word)[-1] for word in words)
+            scalars = tuple(None if "*" in word else _SCALARS[word.split(" ")[0]] for word in words)
+            kernels[name] = Kernel(cl.Kernel(built, name), names, scalars)
+        gpu.programs[key] = kernels
+    found: dict[str, Kernel] = gpu.programs[key]
+    return found
+
+
+def launch(gpu: Gpu, stage: str, kernel: Kernel, groups: int, lanes: int | None = None, **arguments: Any) -> None:
+    """Enqueues `groups` work-groups of `lanes` work-items, or `groups` work-items where the driver may group them.
+
+    stage: what the time is booked on. arguments: by the kernel's own names, each exactly once.
+    """
+    if groups == 0:
+        return
+    if arguments.keys() != set(kernel.names):
+        raise TypeError(f"{kernel.kernel.function_name}: arguments {sorted(set(kernel.names) ^ arguments.keys())}")
+    for place, (name, scalar) in enumerate(zip(kernel.names, kernel.scalars, strict=True)):
+        value = arguments[name]
+        kernel.kernel.set_arg(place, value if scalar is None else scalar(value))
+    if lanes is None:
+        # A fixed group lets the compiler run its items side by side; the kernels return early past the end.
+        lanes = min(64, int(gpu.device.max_work_group_size))
+        groups = -(-groups // lanes)
+    event = cl.enqueue_nd_range_kernel(gpu.queue, kernel.kernel, (groups * lanes,), (lanes,))
+    gpu.events.append((stage, kernel.kernel.function_name, event))
+
+
+def device_seconds(gpu: Gpu) -> tuple[dict[str, float], dict[str, float]]:
+    """Seconds of each stage and of each kernel since the last call, by the events' own clocks; waits for the queue."""
+    gpu.queue.finish()
+    stages: dict[str, float] = {}
+    kernels: dict[str, float] = {}
+    for stage, kernel, event in gpu.events:
+        seconds = (event.profile.end - event.profile.start) * 1e-9
+        stages[stage] = stages.get(stage, 0.0) + seconds
+        kernels[kernel] = kernels.get(kernel, 0.0) + seconds
+    gpu.events.clear()
+    return stages, kernels

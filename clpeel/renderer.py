@@ -1,0 +1,217 @@
+"""Rendering: the way of the data, from a scene on the device to a picture."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.binning import BATCH_SHARE, bin_triangles
+from clpeel.camera import Camera
+from clpeel.composite import Picture
+from clpeel.device import Gpu, open_device
+from clpeel.errors import InputError
+from clpeel.image import save_png
+from clpeel.layout import MAX_SIDE
+from clpeel.normals import with_normals
+from clpeel.program import device_seconds
+from clpeel.projection import DeviceScene, project, upload
+from clpeel.raster import rasterize
+from clpeel.scene import Scene
+from clpeel.techniques import technique as technique_named
+
+LIGHTINGS = ("none", "headlight")
+MIN_MEMORY = 1 << 20
+"""Bytes that fragments are given at least, however little is left of the budget."""
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A picture and what it took.
+
+    image: uint8 [height, width, 4], row 0 on top: over the background, or straight alpha where there is none.
+    color: float32 [height, width, 4], premultiplied, before the background.
+    stats: technique, passes, passes_issued, samples_passed, fragments, layers_max, triangles, clipped, discarded,
+    truncated_pixels, batches, seconds {stage: s} by the device's clock, bytes {stage: n}, bytes_per_pixel, device.
+    """
+
+    image: NDArray[np.uint8]
+    stats: dict[str, Any]
+    _color: NDArray[np.float32] | None
+
+    @property
+    def color(self) -> NDArray[np.float32]:
+        """float32 [height, width, 4], premultiplied, before the background."""
+        if self._color is None:
+            raise InputError("color: expected a result rendered with keep_color=True, got keep_color=False")
+        return self._color
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the image as a PNG, whole or not at all. Raises InputError when the place cannot be written."""
+        save_png(path, self.image)
+
+
+class Renderer:
+    """Keeps a scene on a device and renders it from any camera; nothing is uploaded, built or allocated twice."""
+
+    def __init__(self, scene: Scene, device: int | str | None = None, lanes: int | None = None):
+        """device: a number or part of a name (`clpeel devices`); lanes: work-items that share a tile (advanced)."""
+        if not isinstance(scene, Scene):
+            raise InputError(f"scene: expected a clpeel.Scene, got {type(scene).__name__}; see clpeel.load")
+        self.scene = scene
+        self.gpu: Gpu = open_device(device, lanes)
+        self._uploaded: dict[str, DeviceScene] = {}
+
+    def _on_device(self, lighting: str) -> DeviceScene:
+        if lighting not in LIGHTINGS:
+            raise InputError(f"lighting: expected one of {', '.join(LIGHTINGS)}; got {lighting!r}")
+        if lighting not in self._uploaded:
+            self._uploaded[lighting] = upload(self.gpu, with_normals(self.scene) if lighting != "none" else self.scene)
+        return self._uploaded[lighting]
+
+    def render(
+        self,
+        camera: Camera | None = None,
+        size: tuple[int, int] = (1024, 1024),
+        technique: str = "sort",
+        background: Sequence[float] | None = (1, 1, 1),
+        lighting: str = "none",
+        *,
+        memory: int | str | None = None,
+        keep_color: bool = True,
+        progress: Progress | None = None,
+    ) -> Result:
+        """Renders the scene.
+
+        camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
+        `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, or None for straight alpha. lighting: "none" (colours
+        as given) or "headlight". memory: bytes, or text such as "512M", that device buffers besides the scene and the
+        picture may take; by default a quarter of the device's. keep_color: whether the result has `color`.
+        progress: called with the share done (0..1) and a text. Raises InputError on any of these that cannot be.
+        """
+        started = time.perf_counter()
+        gpu = self.gpu
+        chosen = technique_named(technique)
+        size = checked_size(size)
+        over = checked_background(background)
+        limit = gpu.default_memory if memory is None else parse_memory(memory)
+        if camera is None:
+            camera = Camera.frame(self.scene, aspect=size[0] / size[1])
+        report = progress or (lambda done, text: None)
+        report(0.0, "uploading")
+        on_device = self._on_device(lighting)
+        gpu.events.clear()
+
+        report(0.0, "projecting")
+        triangles = project(gpu, on_device, camera, size, lighting != "none")
+        budget = max(limit - on_device.nbytes - triangles.nbytes, MIN_MEMORY)
+        batch_budget = budget // BATCH_SHARE
+        largest = int(gpu.device.max_mem_alloc_size)
+        tiles = bin_triangles(gpu, triangles, batch_budget)
+        fragment_bytes = triangles.features.fragment_bytes + chosen.fragment_bytes
+        capacity = min(
+            (budget - batch_budget) // fragment_bytes,
+            largest // (16 if triangles.features.fragment_color else 8),
+        )
+        picture = Picture(gpu, size, over, keep_color)
+        fragment_count = layers_max = batches = windows = 0
+        total_pairs = max(int(tiles.tile_pairs.sum()), 1)
+        for batch in tiles.batches(min(batch_budget, largest)):
+            batches += 1
+            for fragments in rasterize(gpu, triangles, batch, capacity):
+                picture.put(chosen.resolve(gpu, fragments))
+                fragment_count += fragments.count
+                layers_max = max(layers_max, fragments.layers_max)
+                windows += 1
+                if progress is not None:
+                    gpu.queue.finish()
+                    share = fragments.window_tile + fragments.tiles
+                    done = int(tiles.tile_pairs[: batch.first_tile + share].sum())
+                    report(done / total_pairs, "rendering")
+        picture.finish()
+        seconds, kernel_seconds = device_seconds(gpu)
+        report(1.0, "done")
+        seconds["total"] = time.perf_counter() - started
+        buffers = {name: int(held.size) for name, held in gpu.buffers.items()}
+        pixels = size[0] * size[1]
+        stats: dict[str, Any] = {
+            "technique": technique,
+            "passes": chosen.passes,
+            "passes_issued": windows,
+            "samples_passed": [fragment_count],
+            "size": list(size),
+            "triangles": triangles.faces,
+            "clipped": triangles.clipped,
+            "discarded": triangles.discarded,
+            "fragments": fragment_count,
+            "layers_max": layers_max,
+            "truncated_pixels": 0,
+            "batches": batches,
+            "seconds": seconds,
+            "kernel_seconds": kernel_seconds,
+            "bytes": {"scene": on_device.nbytes, **buffers},
+            "bytes_per_pixel": (on_device.nbytes + sum(buffers.values())) / pixels,
+            "device": gpu.device.name.strip(),
+            "lanes": gpu.lanes,
+            "notes": list(self.scene.notes),
+        }
+        return Result(picture.image, stats, picture.color)
+
+
+def render(
+    scene: Scene,
+    camera: Camera | None = None,
+    size: tuple[int, int] = (1024, 1024),
+    technique: str = "sort",
+    background: Sequence[float] | None = (1, 1, 1),
+    lighting: str = "none",
+    *,
+    device: int | str | None = None,
+    lanes: int | None = None,
+    **options: Any,
+) -> Result:
+    """Renders one picture; the options are those of `Renderer` and `Renderer.render`."""
+    return Renderer(scene, device, lanes).render(camera, size, technique, background, lighting, **options)
+
+
+def checked_size(size: Sequence[int]) -> tuple[int, int]:
+    """(width, height), each 1..65536, or InputError."""
+    try:
+        width, height = (int(side) if int(side) == side else -1 for side in size)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"size: expected (width, height) in pixels, got {size!r}") from None
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise InputError(f"size: expected 1..{MAX_SIDE} pixels a side, got {size[0]} x {size[1]}")
+    return width, height
+
+
+def checked_background(background: Sequence[float] | None) -> tuple[float, float, float] | None:
+    """Three numbers 0..1 or None, or InputError."""
+    if background is None:
+        return None
+    try:
+        red, green, blue = (float(value) for value in background)
+    except (TypeError, ValueError):
+        raise InputError(f"background: expected 3 numbers 0..1 or None, got {background!r}") from None
+    if not all(0 <= value <= 1 for value in (red, green, blue)):
+        raise InputError(f"background: expected 3 numbers 0..1, got {background!r}")
+    return red, green, blue
+
+
+def parse_memory(memory: int | str) -> int:
+    """Bytes from a number or from text such as "512M" or "2G" (powers of 1024), or InputError."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", str(memory), re.IGNORECASE)
+    if not match:
+        raise InputError(f"memory: expected bytes or a size such as 512M, got {memory!r}")
+    nbytes = int(float(match[1]) * 1024 ** " KMGT".index(match[2].upper() or " "))
+    if nbytes < MIN_MEMORY:
+        raise InputError(f"memory: expected at least 1M, got {memory!r}")
+    return nbytes

@@ -1,0 +1,35 @@
+"""The techniques: one module each, and the one registry that every menu, test and table goes through."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from clpeel.composite import Layer
+from clpeel.device import Gpu
+from clpeel.errors import InputError
+from clpeel.raster import Fragments
+from clpeel.techniques import sort
+
+
+@dataclass(frozen=True)
+class Technique:
+    """resolve: a window's fragments to a layer; fragment_bytes: what it needs for each of them besides the fragment."""
+
+    summary: str
+    resolve: Callable[[Gpu, Fragments], Layer]
+    fragment_bytes: int
+    passes: int  # geometry passes, as the paper counts them
+    exact: bool
+
+
+TECHNIQUES: dict[str, Technique] = {
+    "sort": Technique(sort.SUMMARY, sort.resolve, sort.FRAGMENT_BYTES, passes=1, exact=True),
+}
+
+
+def technique(name: str) -> Technique:
+    """The technique of that name. Raises InputError, which lists those there are."""
+    if name not in TECHNIQUES:
+        raise InputError(f"technique: expected one of {', '.join(TECHNIQUES)}; got {name!r}")
+    return TECHNIQUES[name]

@@ -1,0 +1,36 @@
+"""sort: the exact picture, by sorting each pixel's fragments (techniques/sort.cl)."""
+
+from __future__ import annotations
+
+from clpeel.composite import Layer
+from clpeel.device import Gpu
+from clpeel.layout import INSERTION_MAX, TILE_PIXELS
+from clpeel.program import launch, program
+from clpeel.raster import Fragments
+
+SUMMARY = "exact: sorts each pixel's fragments by depth, then blends them front to back"
+FRAGMENT_BYTES = 8
+"""Room to merge long lists in, taken only where a pixel has more than INSERTION_MAX fragments."""
+
+
+def resolve(gpu: Gpu, fragments: Fragments) -> Layer:
+    """Front to back under blending in the order (depth, submission index), float32 (Bavoil and Myers 2008)."""
+    scratch = gpu.buffer("scratch", 8 * fragments.count) if fragments.layers_max > INSERTION_MAX else None
+    layer = gpu.buffer("layer", 16 * TILE_PIXELS * fragments.tiles)
+    launch(
+        gpu,
+        "sort",
+        program(gpu, "techniques/sort.cl", fragments.features)["resolve"],
+        fragments.tiles,
+        gpu.lanes,
+        fragments=fragments.fragments,
+        scratch=scratch,
+        pixel_end=fragments.pixel_end,
+        tile_start=fragments.tile_start,
+        colors=fragments.colors,
+        window_tile=fragments.window_tile,
+        first_pixel=fragments.first_pixel,
+        last_pixel=fragments.last_pixel,
+        layer=layer,
+    )
+    return Layer(fragments, layer)

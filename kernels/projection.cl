@@ -1,0 +1,285 @@
+// Projection: scene triangles to snapped, clipped screen triangles.
+//
+//   project_vertices    one work-item a vertex: clip space in float pairs, then snapped to 1/256 pixel
+//   setup_triangles     one work-item a face: a record, or nothing, or a count of those that need clipping
+//   collect_clipped     one work-item a face: the list of those (any order; the host sorts it)
+//   clip_triangles      one work-item a clipped face: its fan, in records of its own behind all others
+//
+// Clip space: x, y are in subpixels times w, from the image's centre, y down; depth = z / w is reversed.
+// Inside is  z <= w (near),  z >= depth_far * w (far),  |x|, |y| <= GUARD_BAND * w.
+#include "common.h"
+
+typedef struct { Pair x, y, z, w; float3 weight; } ClipVertex;
+
+// A row of the matrix (four floats, then the same four's low parts) times a point.
+static inline Pair row_times(global const float *row, float3 high, float3 low)
+{
+    Pair sum = pair_of(row[3], row[7]);
+#define TERM(k, component)                                                                 \
+    {                                                                                      \
+        float p = row[k] * high.component, e = fma(row[k], high.component, -p);            \
+        e += row[4 + k] * high.component;                                                  \
+        if (LOW_POSITIONS) e += row[k] * low.component;                                    \
+        Pair s = two_sum(sum.high, p);                                                     \
+        sum = pair_of(s.high, sum.low + (s.low + e));                                      \
+    }
+    TERM(0, x) TERM(1, y) TERM(2, z)
+#undef TERM
+    return quick_two_sum(sum.high, sum.low);
+}
+
+static inline ClipVertex to_clip_space(global const float *matrix, global const float *positions,
+                                       global const float *low_positions, uint vertex)
+{
+    float3 high = vload3(vertex, positions), low = (float3)(0.0f);
+    if (LOW_POSITIONS) low = vload3(vertex, low_positions);
+    ClipVertex v;
+    v.x = row_times(matrix, high, low);
+    v.y = row_times(matrix + 8, high, low);
+    v.z = row_times(matrix + 16, high, low);
+    v.w = row_times(matrix + 24, high, low);
+    return v;
+}
+
+// Signed distance inside plane k (OUT_NEAR is plane 0), linear in clip space.
+static inline Pair plane_distance(int plane, ClipVertex v, float depth_far)
+{
+    Pair guard = pair_of(v.w.high * GUARD_BAND, v.w.low * GUARD_BAND);
+    switch (plane) {
+    case 0: return pair_sub(v.w, v.z);
+    case 1: return pair_sub(v.z, pair_mul(v.w, pair_of(depth_far, 0.0f)));
+    case 2: return pair_add(guard, v.x);
+    case 3: return pair_sub(guard, v.x);
+    case 4: return pair_add(guard, v.y);
+    default: return pair_sub(guard, v.y);
+    }
+}
+
+static inline uint outcode_of(ClipVertex v, float depth_far)
+{
+    uint code = 0;
+    for (int plane = 0; plane < 6; ++plane) code |= plane_distance(plane, v, depth_far).high < 0.0f ? 1u << plane : 0u;
+    return code;
+}
+
+// Nearest subpixel to a pair, and what is left of it.
+static inline int snap(Pair value, float *offset)
+{
+    float whole = rint(value.high);
+    float rest = (value.high - whole) + value.low;
+    float step = rint(rest);
+    *offset = rest - step;
+    return (int)whole + (int)step;
+}
+
+static inline Vertex to_screen(ClipVertex c)
+{
+    Vertex v;
+    v.x = snap(pair_div(c.x, c.w), &v.offset_x);
+    v.y = snap(pair_div(c.y, c.w), &v.offset_y);
+    v.depth = c.z.high / c.w.high;
+    v.outcode = 0;
+    return v;
+}
+
+kernel void project_vertices(global const float *positions, global const float *low_positions,
+                             global const float *matrix, float depth_far, uint vertex_count, global Vertex *vertices)
+{
+    uint i = get_global_id(0);
+    if (i >= vertex_count) return;
+    ClipVertex c = to_clip_space(matrix, positions, low_positions, i);
+    // A NaN or infinity anywhere makes this sum one: positions are below 2^61, so it cannot overflow by itself.
+    float3 p = vload3(i, positions);
+    uint code = isfinite((p.x + p.y) + p.z) ? outcode_of(c, depth_far) : NOT_FINITE;
+    Vertex v = {0, 0, 0.0f, 0.0f, 0.0f, 0u};
+    if (!code) v = to_screen(c);
+    v.outcode = code;
+    vertices[i] = v;
+}
+
+// The record of a triangle with these corners; false when it covers no sample.
+//
+// Depth is linear over the screen. Snapping moves the corners by up to 1/512 pixel, so the plane is evaluated at the
+// snapped corners: where triangles cross, the picture is then that of the exact triangles. The same matrix `moved`
+// (barycentric coordinates of the exact triangle at the snapped corners) carries colours and normals over.
+static bool make_triangle(const Vertex *corner, uint source, int width, int height, Triangle *triangle, ushort4 *bounds,
+                          float moved[3][3], int order[3])
+{
+    int2 a = (int2)(corner[1].x - corner[0].x, corner[1].y - corner[0].y);
+    int2 b = (int2)(corner[2].x - corner[0].x, corner[2].y - corner[0].y);
+    long area = (long)a.x * b.y - (long)b.x * a.y;
+    bool flip = area < 0;
+    order[0] = 0, order[1] = flip ? 2 : 1, order[2] = flip ? 1 : 2;
+
+    int x_min = min(corner[0].x, min(corner[1].x, corner[2].x)), x_max = max(corner[0].x, max(corner[1].x, corner[2].x));
+    int y_min = min(corner[0].y, min(corner[1].y, corner[2].y)), y_max = max(corner[0].y, max(corner[1].y, corner[2].y));
+    int left = max(first_pixel(x_min, width), 0), right = min(last_pixel(x_max, width), width - 1);
+    int top = max(first_pixel(y_min, height), 0), bottom = min(last_pixel(y_max, height), height - 1);
+    if (area == 0 || left > right || top > bottom) {
+        *bounds = (ushort4)(1, 0, 1, 0);
+        return false;
+    }
+    *bounds = (ushort4)(left / TILE, right / TILE, top / TILE, bottom / TILE);
+
+    // The exact corners relative to the first snapped one, and the gradients of the barycentric coordinates 1 and 2.
+    float2 o0 = (float2)(corner[0].offset_x, corner[0].offset_y);
+    float2 o1 = (float2)(corner[1].offset_x, corner[1].offset_y);
+    float2 o2 = (float2)(corner[2].offset_x, corner[2].offset_y);
+    float2 e = (float2)((float)a.x, (float)a.y) + (o1 - o0);
+    float2 f = (float2)((float)b.x, (float)b.y) + (o2 - o0);
+    float exact_area = e.x * f.y - f.x * e.y;
+    float2 g1 = (float2)(f.y, -f.x) / exact_area, g2 = (float2)(-e.y, e.x) / exact_area;
+    // A sliver that snapping turned over has no use for its gradients: leave it as it is.
+    bool sound = flip ? exact_area < 0.0f : exact_area > 0.0f;
+    if (!sound || !isfinite((g1.x + g1.y) + (g2.x + g2.y))) g1 = g2 = (float2)(0.0f);
+    for (int i = 0; i < 3; ++i) {
+        float2 o = i == 0 ? o0 : i == 1 ? o1 : o2;
+        float m1 = -(g1.x * o.x + g1.y * o.y), m2 = -(g2.x * o.x + g2.y * o.y);
+        moved[i][0] = (i == 0 ? 1.0f : 0.0f) - (m1 + m2);
+        moved[i][1] = (i == 1 ? 1.0f : 0.0f) + m1;
+        moved[i][2] = (i == 2 ? 1.0f : 0.0f) + m2;
+    }
+    // d0 + m1 (d1 - d0) + m2 (d2 - d0), written so that no shift leaves the depth's bits as they were.
+    for (int k = 0; k < 3; ++k) {
+        int i = order[k];
+        float2 o = i == 0 ? o0 : i == 1 ? o1 : o2;
+        float m1 = -(g1.x * o.x + g1.y * o.y), m2 = -(g2.x * o.x + g2.y * o.y);
+        triangle->x[k] = corner[i].x;
+        triangle->y[k] = corner[i].y;
+        triangle->depth[k] = corner[i].depth + (m1 * (corner[1].depth - corner[0].depth) +
+                                                m2 * (corner[2].depth - corner[0].depth));
+    }
+    triangle->depth_min = fmin(corner[0].depth, fmin(corner[1].depth, corner[2].depth));
+    triangle->depth_max = fmax(corner[0].depth, fmax(corner[1].depth, corner[2].depth));
+    triangle->source = source;
+    return true;
+}
+
+// weights[3 k + j]: share of the face's vertex j at corner k, over w, so that interpolation is perspective-correct.
+static void store_weights(global float *weights, uint record, float moved[3][3], const int order[3],
+                          const float share[3][3])
+{
+    for (int k = 0; k < 3; ++k)
+        for (int j = 0; j < 3; ++j) {
+            float sum = 0.0f;
+            for (int i = 0; i < 3; ++i) sum += moved[order[k]][i] * share[i][j];
+            weights[9 * record + 3 * k + j] = sum;
+        }
+}
+
+kernel void setup_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
+                            int width, int height, global Triangle *triangles, global ushort4 *bounds,
+                            global float *weights, volatile global uint *counters)
+{
+    uint i = get_global_id(0);
+    if (i >= face_count) return;
+    uint3 face = vload3(i, faces);
+    bounds[i] = (ushort4)(1, 0, 1, 0);
+    // The host refuses such faces; this guard is for memory's sake.
+    if (max(face.x, max(face.y, face.z)) >= vertex_count) return;
+    Vertex corner[3] = {vertices[face.x], vertices[face.y], vertices[face.z]};
+    uint any = corner[0].outcode | corner[1].outcode | corner[2].outcode;
+    if (any) {
+        if (any & NOT_FINITE) atomic_inc(counters);  // Counters.discarded
+        else if (!(corner[0].outcode & corner[1].outcode & corner[2].outcode)) atomic_inc(counters + 1);
+        return;
+    }
+    Triangle triangle;
+    ushort4 tile_bounds;
+    float moved[3][3];
+    int order[3];
+    if (!make_triangle(corner, i, width, height, &triangle, &tile_bounds, moved, order)) return;
+    triangles[i] = triangle;
+    bounds[i] = tile_bounds;
+#if FRAGMENT_COLOR
+    float share[3][3] = {{0}};
+    for (int k = 0; k < 3; ++k) share[k][k] = PERSPECTIVE ? corner[k].depth : 1.0f;
+    store_weights(weights, i, moved, order, share);
+#endif
+}
+
+kernel void collect_clipped(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
+                            volatile global uint *counters, global uint *clipped)
+{
+    uint i = get_global_id(0);
+    if (i >= face_count) return;
+    uint3 face = vload3(i, faces);
+    if (max(face.x, max(face.y, face.z)) >= vertex_count) return;
+    uint a = vertices[face.x].outcode, b = vertices[face.y].outcode, c = vertices[face.z].outcode;
+    if ((a | b | c) && !((a | b | c) & NOT_FINITE) && !(a & b & c)) clipped[atomic_inc(counters + 2)] = i;
+}
+
+static inline Pair along(Pair from, Pair to, Pair t) { return pair_add(from, pair_mul(t, pair_sub(to, from))); }
+
+// Sutherland and Hodgman's polygon clipping against one plane; cuts are made from inside to outside, so that two faces
+// that share an edge share its cut.
+static int clip_polygon(const ClipVertex *in, int count, int plane, float depth_far, ClipVertex *out)
+{
+    int kept = 0;
+    for (int k = 0; k < count; ++k) {
+        ClipVertex a = in[k], b = in[k + 1 < count ? k + 1 : 0];
+        Pair da = plane_distance(plane, a, depth_far), db = plane_distance(plane, b, depth_far);
+        bool a_in = da.high >= 0.0f, b_in = db.high >= 0.0f;
+        if (a_in) out[kept++] = a;
+        if (a_in == b_in) continue;
+        if (!a_in) {
+            ClipVertex c = a;
+            Pair d = da;
+            a = b, b = c, da = db, db = d;
+        }
+        Pair t = pair_div(da, pair_sub(da, db));
+        ClipVertex cut;
+        cut.x = along(a.x, b.x, t), cut.y = along(a.y, b.y, t), cut.z = along(a.z, b.z, t), cut.w = along(a.w, b.w, t);
+        cut.weight = a.weight + t.high * (b.weight - a.weight);
+        if (plane == 0) cut.z = cut.w;  // on the near plane, whatever the rounding
+        out[kept++] = cut;
+    }
+    return kept;
+}
+
+kernel void clip_triangles(global const uint *clipped, uint clipped_count, global const uint *faces, uint face_count,
+                           global const float *positions, global const float *low_positions,
+                           global const float *matrix, float depth_far, int width, int height,
+                           global Triangle *triangles, global ushort4 *bounds, global float *weights)
+{
+    uint n = get_global_id(0);
+    if (n >= clipped_count) return;
+    uint source = clipped[n], first = face_count + n * CLIP_TRIANGLES;
+    uint3 face = vload3(source, faces);
+    ClipVertex polygon[MAX_CLIP_VERTICES + 1], other[MAX_CLIP_VERTICES + 1];
+    polygon[0] = to_clip_space(matrix, positions, low_positions, face.x);
+    polygon[1] = to_clip_space(matrix, positions, low_positions, face.y);
+    polygon[2] = to_clip_space(matrix, positions, low_positions, face.z);
+    polygon[0].weight = (float3)(1.0f, 0.0f, 0.0f);
+    polygon[1].weight = (float3)(0.0f, 1.0f, 0.0f);
+    polygon[2].weight = (float3)(0.0f, 0.0f, 1.0f);
+    int count = 3;
+    for (int plane = 0; plane < 6; ++plane) {
+        count = clip_polygon(polygon, count, plane, depth_far, other);
+        for (int k = 0; k < count; ++k) polygon[k] = other[k];
+    }
+    for (int k = 0; k < CLIP_TRIANGLES; ++k) {
+        uint record = first + k;
+        bounds[record] = (ushort4)(1, 0, 1, 0);
+        if (k + 2 >= count) continue;
+        Vertex corner[3] = {to_screen(polygon[0]), to_screen(polygon[k + 1]), to_screen(polygon[k + 2])};
+        Triangle triangle;
+        ushort4 tile_bounds;
+        float moved[3][3];
+        int order[3];
+        if (!make_triangle(corner, source, width, height, &triangle, &tile_bounds, moved, order)) continue;
+        triangles[record] = triangle;
+        bounds[record] = tile_bounds;
+#if FRAGMENT_COLOR
+        float share[3][3];
+        for (int i = 0; i < 3; ++i) {
+            ClipVertex c = polygon[i == 0 ? 0 : k + i];
+            float scale = PERSPECTIVE ? corner[i].depth : 1.0f;
+            share[i][0] = c.weight.x * scale, share[i][1] = c.weight.y * scale, share[i][2] = c.weight.z * scale;
+        }
+        store_weights(weights, record, moved, order, share);
+#endif
+    }
+    // The face itself has no record: its bounds name its fan (binning.cl, for_each_record).
+    bounds[source] = (ushort4)(CLIPPED_FACE, 0, n & 0xFFFF, n >> 16);
+}

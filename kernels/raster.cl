@@ -1,0 +1,205 @@
+// Rasterization: the records of each tile to fragments, exactly.
+//
+//   count_fragments   one work-group a tile: how many fragments each pixel gets
+//   emit_fragments    the same walk again: writes them where the counts say
+//
+// A tile of TILE x TILE pixels is cut into strips of STRIP pixels of a row; strip s belongs to lane s % LANES, which alone
+// writes its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order:
+//
+//   fragments:  | pixel 0: first submitted .. last | pixel 1: ... |      key << 32 | payload
+//   pixel_end:  inclusive prefix sum of the counts within the tile
+//
+// key: depth_key() of the fragment's depth; payload: the packed colour, or an index into `colors`.
+#include "shading.h"
+
+#define STRIPS (TILE_PIXELS / STRIP)
+#define STRIPS_A_ROW (TILE / STRIP)
+#define STRIPS_A_LANE (STRIPS / LANES)
+
+// One edge, E(x, y) = dx (y - y_a) - dy (x - x_a), and what makes a sample exactly on it belong to one side only:
+// with y down and positive area, top edges run right and left edges run up; they own their samples.
+typedef struct { int dx, dy, x, y, bias; } Edge;
+
+static inline Edge edge_of(global const Triangle *t, int a, int b)
+{
+    Edge e = {t->x[b] - t->x[a], t->y[b] - t->y[a], t->x[a], t->y[a], 0};
+    e.bias = e.dy < 0 || (e.dy == 0 && e.dx > 0) ? 0 : -1;
+    return e;
+}
+
+typedef struct {
+    Edge edge[3];  // edge k is opposite corner k: E is twice the area of the sub-triangle that weighs corner k
+    int left, right, top, bottom;  // pixels of the tile to look at
+    bool small;  // E fits 32 bits all over the tile
+} Walk;
+
+static inline Walk walk_of(global const Triangle *t, int tile_x, int tile_y, int width, int height)
+{
+    Walk w;
+    w.edge[0] = edge_of(t, 1, 2), w.edge[1] = edge_of(t, 2, 0), w.edge[2] = edge_of(t, 0, 1);
+    int x_min = min(t->x[0], min(t->x[1], t->x[2])), x_max = max(t->x[0], max(t->x[1], t->x[2]));
+    int y_min = min(t->y[0], min(t->y[1], t->y[2])), y_max = max(t->y[0], max(t->y[1], t->y[2]));
+    w.left = max(first_pixel(x_min, width) - tile_x, 0);
+    w.right = min(min(last_pixel(x_max, width), width - 1) - tile_x, TILE - 1);
+    w.top = max(first_pixel(y_min, height) - tile_y, 0);
+    w.bottom = min(min(last_pixel(y_max, height), height - 1) - tile_y, TILE - 1);
+    w.small = max(x_max - x_min, y_max - y_min) < SMALL_EXTENT;
+    return w;
+}
+
+// E at a strip's samples, in 32 bits where proven to fit and in 64 elsewhere: the same integers either way.
+#define DEFINE_EDGE_VALUES(name, integer)                                                                       \
+    static inline VECTOR(integer) name(Edge e, int x, int y)                                                    \
+    {                                                                                                           \
+        integer first = (integer)e.dx * (y - e.y) - (integer)e.dy * (x - e.x);                                  \
+        return (VECTOR(integer))(first) - (VECTOR(integer))((integer)e.dy * SUBPIXELS) * (VECTOR(integer))(IOTA); \
+    }
+DEFINE_EDGE_VALUES(edge_values_small, int)
+DEFINE_EDGE_VALUES(edge_values_large, long)
+
+// Coverage of a strip, -1 or 0 a pixel, and the barycentric weights times twice the area, each rounded once.
+static inline VECTOR(int) cover(const Walk *w, int column, int x, int y, VECTOR(float) weight[3])
+{
+    // The last strip of a row may reach beyond the image, and so may the triangle.
+    VECTOR(int) covered = (VECTOR(int))(IOTA) <= (VECTOR(int))(w->right - column);
+    if (w->small) {
+        for (int k = 0; k < 3; ++k) {
+            VECTOR(int) e = edge_values_small(w->edge[k], x, y);
+            covered &= (e + (VECTOR(int))(w->edge[k].bias)) >= (VECTOR(int))(0);
+            weight[k] = CONVERT(float)(e);
+        }
+    } else {
+        for (int k = 0; k < 3; ++k) {
+            VECTOR(long) e = edge_values_large(w->edge[k], x, y);
+            covered &= CONVERT(int)((e + (VECTOR(long))(w->edge[k].bias)) >= (VECTOR(long))(0));
+            weight[k] = CONVERT(float)(e);
+        }
+    }
+    return covered;
+}
+
+// Walks this lane's strips that the record can touch: s is the strip, own its place among the lane's own.
+#define FOR_EACH_STRIP(w, lane, s, own)                                                                         \
+    for (int s = (w).top * STRIPS_A_ROW + ((lane - (w).top * STRIPS_A_ROW) & (LANES - 1)), own = s / LANES;     \
+         s < ((w).bottom + 1) * STRIPS_A_ROW; s += LANES, ++own)                                                \
+        if ((s % STRIPS_A_ROW) * STRIP <= (w).right && (s % STRIPS_A_ROW) * STRIP + STRIP > (w).left)
+
+kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+                            uint first_tile, int columns, int width, int height,
+                            global uint *pixel_end, global uint *tile_fragments)
+{
+    local uint prefix[TILE_PIXELS];
+    uint tile = get_group_id(0);
+    int lane = get_local_id(0);
+    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
+    VECTOR(uint) counts[STRIPS_A_LANE];
+    for (int own = 0; own < STRIPS_A_LANE; ++own) counts[own] = (VECTOR(uint))(0);
+
+    for (uint k = pair_start[tile]; k < pair_start[tile + 1]; ++k) {
+        Walk w = walk_of(triangles + pairs[k], tile_x, tile_y, width, height);
+        VECTOR(float) weight[3];
+        FOR_EACH_STRIP(w, lane, s, own) {
+            int column = (s % STRIPS_A_ROW) * STRIP;
+            int x = sample_at(tile_x + column, width), y = sample_at(tile_y + s / STRIPS_A_ROW, height);
+            counts[own] -= PASTE(as_, VECTOR(uint))(cover(&w, column, x, y, weight));
+        }
+    }
+
+    for (int own = 0; own < STRIPS_A_LANE; ++own) VSTORE(counts[own], own * LANES + lane, prefix);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (lane == 0)
+        for (int p = 1; p < TILE_PIXELS; ++p) prefix[p] += prefix[p - 1];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int p = lane; p < TILE_PIXELS; p += LANES) pixel_end[tile * TILE_PIXELS + p] = prefix[p];
+    if (lane == 0) tile_fragments[tile] = prefix[TILE_PIXELS - 1];
+}
+
+#if FRAGMENT_COLOR
+// Colour of one fragment: weights of the face's vertices, not yet divided by their sum.
+static inline float4 shade(const float vertex_weight[3], uint source, global const uint *faces,
+                           global const void *palette, global const float *normals, float3 view_direction)
+{
+    // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
+    float a = fmax(vertex_weight[0], 0.0f), b = fmax(vertex_weight[1], 0.0f), c = fmax(vertex_weight[2], 0.0f);
+    float scale = 1.0f / (a + b + c);
+    a *= scale, b *= scale, c *= scale;
+    uint3 face = vload3(source, faces);
+#if COLOR_RATE_VERTEX
+    float4 color = a * palette_color(palette, face.x) + b * palette_color(palette, face.y) +
+                   c * palette_color(palette, face.z);
+    color = clamp(color, 0.0f, 1.0f);
+#else
+    float4 color = palette_color(palette, COLOR_RATE_FACE ? source : 0);
+#endif
+#if HEADLIGHT
+    float3 n = a * vload3(face.x, normals) + b * vload3(face.y, normals) + c * vload3(face.z, normals);
+    float length2 = n.x * n.x + n.y * n.y + n.z * n.z;
+    float facing = n.x * view_direction.x + n.y * view_direction.y + n.z * view_direction.z;
+    float cosine = length2 > 0.0f ? fmin(fabs(facing) / sqrt(length2), 1.0f) : 1.0f;
+    color.xyz *= AMBIENT + (1.0f - AMBIENT) * cosine;
+#endif
+    return color;
+}
+#endif
+
+// A window is a run of fragments of the batch: positions are relative to its first, and those outside `capacity` (a tile
+// too deep for one window) are left to the others.
+kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+                           uint first_tile, uint window_tile, int columns, int width, int height,
+                           global const uint *pixel_end, global const uint *tile_start, uint capacity,
+                           global const uint *faces, global const void *palette, global const float *weights,
+                           global const float *normals, float view_x, float view_y, float view_z,
+                           global ulong *fragments, global float4 *colors)
+{
+    uint tile = window_tile + get_group_id(0);
+    int lane = get_local_id(0);
+    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
+    uint next[STRIPS_A_LANE * STRIP];
+    for (int own = 0; own < STRIPS_A_LANE; ++own)
+        for (int k = 0; k < STRIP; ++k) {
+            int p = (own * LANES + lane) * STRIP + k;
+            next[own * STRIP + k] = tile_start[get_group_id(0)] + (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0);
+        }
+
+    for (uint pair = pair_start[tile]; pair < pair_start[tile + 1]; ++pair) {
+        uint record = pairs[pair];
+        global const Triangle *t = triangles + record;
+        Walk w = walk_of(t, tile_x, tile_y, width, height);
+        float d0 = t->depth[0], d1 = t->depth[1], d2 = t->depth[2];
+        float inverse_area = 1.0f / (float)((long)w.edge[2].dx * -w.edge[1].dy + (long)w.edge[2].dy * w.edge[1].dx);
+        VECTOR(float) weight[3];
+#if FRAGMENT_COLOR
+        float corner_weight[9];
+        for (int k = 0; k < 9; ++k) corner_weight[k] = weights[9 * record + k];
+#else
+        uint payload = face_payload(palette, t->source);
+#endif
+        FOR_EACH_STRIP(w, lane, s, own) {
+            int column = (s % STRIPS_A_ROW) * STRIP;
+            int x = sample_at(tile_x + column, width), y = sample_at(tile_y + s / STRIPS_A_ROW, height);
+            int covered[STRIP];
+            float depth[STRIP];
+            VSTORE(cover(&w, column, x, y, weight), 0, covered);
+            VECTOR(float) d = fma(weight[0], (VECTOR(float))(d0), fma(weight[1], (VECTOR(float))(d1), weight[2] * d2));
+            VSTORE(fmin(fmax(d * inverse_area, (VECTOR(float))(t->depth_min)), (VECTOR(float))(t->depth_max)), 0, depth);
+#if FRAGMENT_COLOR
+            float part[3][STRIP];
+            for (int k = 0; k < 3; ++k) VSTORE(weight[k], 0, part[k]);
+#endif
+            for (int k = max(w.left - column, 0); k <= min(w.right - column, STRIP - 1); ++k) {
+                if (!covered[k]) continue;
+                uint at = next[own * STRIP + k]++;
+                if (at >= capacity) continue;
+#if FRAGMENT_COLOR
+                float vertex_weight[3];
+                for (int j = 0; j < 3; ++j)
+                    vertex_weight[j] = part[0][k] * corner_weight[j] + part[1][k] * corner_weight[3 + j] +
+                                       part[2][k] * corner_weight[6 + j];
+                colors[at] = shade(vertex_weight, t->source, faces, palette, normals, (float3)(view_x, view_y, view_z));
+                uint payload = at;
+#endif
+                fragments[at] = (ulong)depth_key(depth[k]) << 32 | payload;
+            }
+        }
+    }
+}
