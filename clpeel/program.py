@@ -19,6 +19,9 @@ _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _KERNEL = re.compile(r"^kernel void (\w+)\(([^)]*)\)", re.MULTILINE)
 _SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
 
+GROUP = 64
+"""Work-items a group where the kernel does not care: a fixed size lets the compiler run them side by side."""
+
 CORRECTLY_ROUNDED = "-cl-fp32-correctly-rounded-divide-sqrt"
 
 
@@ -81,8 +84,7 @@ def launch(gpu: Gpu, stage: str, kernel: Kernel, groups: int, lanes: int | None 
         value = arguments[name]
         kernel.kernel.set_arg(place, value if scalar is None else scalar(value))
     if lanes is None:
-        # A fixed group lets the compiler run its items side by side; the kernels return early past the end.
-        lanes = min(64, int(gpu.device.max_work_group_size))
+        lanes = GROUP
         groups = -(-groups // lanes)
     event = cl.enqueue_nd_range_kernel(gpu.queue, kernel.kernel, (groups * lanes,), (lanes,))
     gpu.events.append((stage, kernel.kernel.function_name, event))

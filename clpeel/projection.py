@@ -10,7 +10,7 @@ import pyopencl as cl
 from clpeel.camera import Camera
 from clpeel.device import Gpu
 from clpeel.layout import CLIP_TRIANGLES, COUNTERS, MAX_CLIP_VERTICES, TRIANGLE, VERTEX, Features
-from clpeel.program import launch, program
+from clpeel.program import GROUP, launch, program
 from clpeel.scene import Positions, Scene
 
 STAGE = "projection"
@@ -110,7 +110,7 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
     host = scene.scene
     vertex_count, face_count = len(host.vertices), len(host.faces)
     matrix, depth_far = camera.projection(scene.grid.origin, scene.grid.scale, camera.fitted_range(host), size)
-    vertices = gpu.buffer("vertices", vertex_count * VERTEX.itemsize)
+    vertices = gpu.buffer("vertices", (vertex_count + GROUP) * VERTEX.itemsize)
     matrix_buffer = gpu.put("matrix", matrix)
     view = {"width": size[0], "height": size[1]}
     points = {

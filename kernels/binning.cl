@@ -8,7 +8,7 @@
 #include "common.h"
 
 // Whether a sample of the tile can lie inside: no edge has all of the tile's samples on its outer side.
-static inline bool meets_tile(global const Triangle *t, int column, int row, int width, int height)
+INLINE bool meets_tile(global const Triangle *t, int column, int row, int width, int height)
 {
     int x0 = sample_at(column * TILE, width), x1 = x0 + (TILE - 1) * SUBPIXELS;
     int y0 = sample_at(row * TILE, height), y1 = y0 + (TILE - 1) * SUBPIXELS;
@@ -31,7 +31,7 @@ static inline bool meets_tile(global const Triangle *t, int column, int row, int
         uint end = fan ? record + CLIP_TRIANGLES : record + 1;                                                  \
         for (; record < end; ++record) {                                                                        \
             ushort4 box = bounds[record];                                                                       \
-            int row = max((int)box.z, first_row), row_end = min((int)box.w, last_row);                          \
+            int row = MAX((int)box.z, first_row), row_end = MIN((int)box.w, last_row);                          \
             if (box.x > box.y) continue;                                                                        \
             /* up to four tiles the test costs more than the pairs it saves */                                  \
             bool test = (box.y - box.x + 1) * (box.w - box.z + 1) > 4;                                          \
@@ -49,7 +49,7 @@ kernel void bin_count(global const Triangle *triangles, global const ushort4 *bo
                       global uint *counts)
 {
     uint chunk = get_global_id(0);
-    uint first = chunk * chunk_faces, last = min(first + chunk_faces, face_count);
+    uint first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
     global uint *mine = counts + (size_t)chunk * tile_count;
     for (uint tile = 0; tile < tile_count; ++tile) mine[tile] = 0;
     FOR_EACH_PAIR(++mine[tile];)
@@ -76,7 +76,7 @@ kernel void bin_emit(global const Triangle *triangles, global const ushort4 *bou
                      global uint *pairs)
 {
     uint chunk = get_global_id(0);
-    uint first = chunk * chunk_faces, last = min(first + chunk_faces, face_count);
+    uint first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
     global uint *mine = counts + (size_t)chunk * tile_count;
     FOR_EACH_PAIR(if (tile >= first_tile && tile <= last_tile) pairs[pair_start[tile - first_tile] + mine[tile]++] = record;)
 }

@@ -5,7 +5,12 @@
 // Over a background: C + T b. Without one: straight alpha, C / (1 - T) and 1 - T.
 #include "common.h"
 
-static inline uchar4 to_bytes(float4 color) { return convert_uchar4(clamp(color * 255.0f + 0.5f, 0.0f, 255.0f)); }
+INLINE uchar4 to_bytes(float4 color)
+{
+    color = color * 255.0f + 0.5f;
+    color = MIN(color, (float4)(255.0f));
+    return CONVERT(uchar, 4, CONVERT(int, 4, MAX(color, (float4)(0.0f))));
+}
 
 kernel void composite(global const float4 *layer, uint first_tile, int columns, int width, int height,
                       uint first_pixel, uint last_pixel, float red, float green, float blue, int has_background,

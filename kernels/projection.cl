@@ -12,12 +12,12 @@
 typedef struct { Pair x, y, z, w; float3 weight; } ClipVertex;
 
 // A row of the matrix (four floats, then the same four's low parts) times a point.
-static inline Pair row_times(global const float *row, float3 high, float3 low)
+INLINE Pair row_times(global const float *row, float3 high, float3 low)
 {
     Pair sum = pair_of(row[3], row[7]);
 #define TERM(k, component)                                                                 \
     {                                                                                      \
-        float p = row[k] * high.component, e = fma(row[k], high.component, -p);            \
+        float p = row[k] * high.component, e = FMA(row[k], high.component, -p);            \
         e += row[4 + k] * high.component;                                                  \
         if (LOW_POSITIONS) e += row[k] * low.component;                                    \
         Pair s = two_sum(sum.high, p);                                                     \
@@ -28,11 +28,11 @@ static inline Pair row_times(global const float *row, float3 high, float3 low)
     return quick_two_sum(sum.high, sum.low);
 }
 
-static inline ClipVertex to_clip_space(global const float *matrix, global const float *positions,
+INLINE ClipVertex to_clip_space(global const float *matrix, global const float *positions,
                                        global const float *low_positions, uint vertex)
 {
-    float3 high = vload3(vertex, positions), low = (float3)(0.0f);
-    if (LOW_POSITIONS) low = vload3(vertex, low_positions);
+    float3 high = load3(positions, vertex), low = (float3)(0.0f);
+    if (LOW_POSITIONS) low = load3(low_positions, vertex);
     ClipVertex v;
     v.x = row_times(matrix, high, low);
     v.y = row_times(matrix + 8, high, low);
@@ -42,7 +42,7 @@ static inline ClipVertex to_clip_space(global const float *matrix, global const 
 }
 
 // Signed distance inside plane k (OUT_NEAR is plane 0), linear in clip space.
-static inline Pair plane_distance(int plane, ClipVertex v, float depth_far)
+INLINE Pair plane_distance(int plane, ClipVertex v, float depth_far)
 {
     Pair guard = pair_of(v.w.high * GUARD_BAND, v.w.low * GUARD_BAND);
     switch (plane) {
@@ -55,24 +55,27 @@ static inline Pair plane_distance(int plane, ClipVertex v, float depth_far)
     }
 }
 
-static inline uint outcode_of(ClipVertex v, float depth_far)
+// Which planes a vertex is outside of. Rounded once more than plane_distance(): a vertex on a plane to within a rounding
+// may be called outside by one and inside by the other, and is then cut at its own place.
+INLINE uint outcode_of(ClipVertex v, float depth_far)
 {
-    uint code = 0;
-    for (int plane = 0; plane < 6; ++plane) code |= plane_distance(plane, v, depth_far).high < 0.0f ? 1u << plane : 0u;
-    return code;
+    float guard = v.w.high * GUARD_BAND;
+    return (v.z.high > v.w.high ? OUT_NEAR : 0u) | (v.z.high < v.w.high * depth_far ? OUT_FAR : 0u) |
+           (v.x.high < -guard ? OUT_LEFT : 0u) | (v.x.high > guard ? OUT_RIGHT : 0u) |
+           (v.y.high < -guard ? OUT_TOP : 0u) | (v.y.high > guard ? OUT_BOTTOM : 0u);
 }
 
 // Nearest subpixel to a pair, and what is left of it.
-static inline int snap(Pair value, float *offset)
+INLINE int snap(Pair value, float *offset)
 {
-    float whole = rint(value.high);
-    float rest = (value.high - whole) + value.low;
-    float step = rint(rest);
-    *offset = rest - step;
-    return (int)whole + (int)step;
+    int whole = nearest(value.high);
+    float rest = (value.high - (float)whole) + value.low;
+    int step = nearest(rest);
+    *offset = rest - (float)step;
+    return whole + step;
 }
 
-static inline Vertex to_screen(ClipVertex c)
+INLINE Vertex to_screen(ClipVertex c)
 {
     Vertex v;
     v.x = snap(pair_div(c.x, c.w), &v.offset_x);
@@ -82,18 +85,16 @@ static inline Vertex to_screen(ClipVertex c)
     return v;
 }
 
+// No branches, so that items run side by side: past the end the last vertex is done again, into padding.
 kernel void project_vertices(global const float *positions, global const float *low_positions,
                              global const float *matrix, float depth_far, uint vertex_count, global Vertex *vertices)
 {
-    uint i = get_global_id(0);
-    if (i >= vertex_count) return;
-    ClipVertex c = to_clip_space(matrix, positions, low_positions, i);
+    uint i = get_global_id(0), from = MIN(i, vertex_count - 1);
+    ClipVertex c = to_clip_space(matrix, positions, low_positions, from);
     // A NaN or infinity anywhere makes this sum one: positions are below 2^61, so it cannot overflow by itself.
-    float3 p = vload3(i, positions);
-    uint code = isfinite((p.x + p.y) + p.z) ? outcode_of(c, depth_far) : NOT_FINITE;
-    Vertex v = {0, 0, 0.0f, 0.0f, 0.0f, 0u};
-    if (!code) v = to_screen(c);
-    v.outcode = code;
+    float3 p = load3(positions, from);
+    Vertex v = to_screen(c);
+    v.outcode = is_finite((p.x + p.y) + p.z) ? outcode_of(c, depth_far) : NOT_FINITE;
     vertices[i] = v;
 }
 
@@ -102,7 +103,7 @@ kernel void project_vertices(global const float *positions, global const float *
 // Depth is linear over the screen. Snapping moves the corners by up to 1/512 pixel, so the plane is evaluated at the
 // snapped corners: where triangles cross, the picture is then that of the exact triangles. The same matrix `moved`
 // (barycentric coordinates of the exact triangle at the snapped corners) carries colours and normals over.
-static bool make_triangle(const Vertex *corner, uint source, int width, int height, Triangle *triangle, ushort4 *bounds,
+INLINE bool make_triangle(const Vertex *corner, uint source, int width, int height, Triangle *triangle, ushort4 *bounds,
                           float moved[3][3], int order[3])
 {
     int2 a = (int2)(corner[1].x - corner[0].x, corner[1].y - corner[0].y);
@@ -111,10 +112,10 @@ static bool make_triangle(const Vertex *corner, uint source, int width, int heig
     bool flip = area < 0;
     order[0] = 0, order[1] = flip ? 2 : 1, order[2] = flip ? 1 : 2;
 
-    int x_min = min(corner[0].x, min(corner[1].x, corner[2].x)), x_max = max(corner[0].x, max(corner[1].x, corner[2].x));
-    int y_min = min(corner[0].y, min(corner[1].y, corner[2].y)), y_max = max(corner[0].y, max(corner[1].y, corner[2].y));
-    int left = max(first_pixel(x_min, width), 0), right = min(last_pixel(x_max, width), width - 1);
-    int top = max(first_pixel(y_min, height), 0), bottom = min(last_pixel(y_max, height), height - 1);
+    int x_min = MIN(corner[0].x, MIN(corner[1].x, corner[2].x)), x_max = MAX(corner[0].x, MAX(corner[1].x, corner[2].x));
+    int y_min = MIN(corner[0].y, MIN(corner[1].y, corner[2].y)), y_max = MAX(corner[0].y, MAX(corner[1].y, corner[2].y));
+    int left = MAX(first_pixel(x_min, width), 0), right = MIN(last_pixel(x_max, width), width - 1);
+    int top = MAX(first_pixel(y_min, height), 0), bottom = MIN(last_pixel(y_max, height), height - 1);
     if (area == 0 || left > right || top > bottom) {
         *bounds = (ushort4)(1, 0, 1, 0);
         return false;
@@ -131,7 +132,7 @@ static bool make_triangle(const Vertex *corner, uint source, int width, int heig
     float2 g1 = (float2)(f.y, -f.x) / exact_area, g2 = (float2)(-e.y, e.x) / exact_area;
     // A sliver that snapping turned over has no use for its gradients: leave it as it is.
     bool sound = flip ? exact_area < 0.0f : exact_area > 0.0f;
-    if (!sound || !isfinite((g1.x + g1.y) + (g2.x + g2.y))) g1 = g2 = (float2)(0.0f);
+    if (!sound || !is_finite((g1.x + g1.y) + (g2.x + g2.y))) g1 = g2 = (float2)(0.0f);
     for (int i = 0; i < 3; ++i) {
         float2 o = i == 0 ? o0 : i == 1 ? o1 : o2;
         float m1 = -(g1.x * o.x + g1.y * o.y), m2 = -(g2.x * o.x + g2.y * o.y);
@@ -149,14 +150,14 @@ static bool make_triangle(const Vertex *corner, uint source, int width, int heig
         triangle->depth[k] = corner[i].depth + (m1 * (corner[1].depth - corner[0].depth) +
                                                 m2 * (corner[2].depth - corner[0].depth));
     }
-    triangle->depth_min = fmin(corner[0].depth, fmin(corner[1].depth, corner[2].depth));
-    triangle->depth_max = fmax(corner[0].depth, fmax(corner[1].depth, corner[2].depth));
+    triangle->depth_min = MIN(corner[0].depth, MIN(corner[1].depth, corner[2].depth));
+    triangle->depth_max = MAX(corner[0].depth, MAX(corner[1].depth, corner[2].depth));
     triangle->source = source;
     return true;
 }
 
 // weights[3 k + j]: share of the face's vertex j at corner k, over w, so that interpolation is perspective-correct.
-static void store_weights(global float *weights, uint record, float moved[3][3], const int order[3],
+INLINE void store_weights(global float *weights, uint record, float moved[3][3], const int order[3],
                           const float share[3][3])
 {
     for (int k = 0; k < 3; ++k)
@@ -173,10 +174,10 @@ kernel void setup_triangles(global const uint *faces, uint face_count, uint vert
 {
     uint i = get_global_id(0);
     if (i >= face_count) return;
-    uint3 face = vload3(i, faces);
+    uint3 face = load_face(faces, i);
     bounds[i] = (ushort4)(1, 0, 1, 0);
     // The host refuses such faces; this guard is for memory's sake.
-    if (max(face.x, max(face.y, face.z)) >= vertex_count) return;
+    if (MAX(face.x, MAX(face.y, face.z)) >= vertex_count) return;
     Vertex corner[3] = {vertices[face.x], vertices[face.y], vertices[face.z]};
     uint any = corner[0].outcode | corner[1].outcode | corner[2].outcode;
     if (any) {
@@ -203,13 +204,13 @@ kernel void collect_clipped(global const uint *faces, uint face_count, uint vert
 {
     uint i = get_global_id(0);
     if (i >= face_count) return;
-    uint3 face = vload3(i, faces);
-    if (max(face.x, max(face.y, face.z)) >= vertex_count) return;
+    uint3 face = load_face(faces, i);
+    if (MAX(face.x, MAX(face.y, face.z)) >= vertex_count) return;
     uint a = vertices[face.x].outcode, b = vertices[face.y].outcode, c = vertices[face.z].outcode;
     if ((a | b | c) && !((a | b | c) & NOT_FINITE) && !(a & b & c)) clipped[atomic_inc(counters + 2)] = i;
 }
 
-static inline Pair along(Pair from, Pair to, Pair t) { return pair_add(from, pair_mul(t, pair_sub(to, from))); }
+INLINE Pair along(Pair from, Pair to, Pair t) { return pair_add(from, pair_mul(t, pair_sub(to, from))); }
 
 // Sutherland and Hodgman's polygon clipping against one plane; cuts are made from inside to outside, so that two faces
 // that share an edge share its cut.
@@ -245,7 +246,7 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
     uint n = get_global_id(0);
     if (n >= clipped_count) return;
     uint source = clipped[n], first = face_count + n * CLIP_TRIANGLES;
-    uint3 face = vload3(source, faces);
+    uint3 face = load_face(faces, source);
     ClipVertex polygon[MAX_CLIP_VERTICES + 1], other[MAX_CLIP_VERTICES + 1];
     polygon[0] = to_clip_space(matrix, positions, low_positions, face.x);
     polygon[1] = to_clip_space(matrix, positions, low_positions, face.y);

@@ -20,7 +20,7 @@
 // with y down and positive area, top edges run right and left edges run up; they own their samples.
 typedef struct { int dx, dy, x, y, bias; } Edge;
 
-static inline Edge edge_of(global const Triangle *t, int a, int b)
+INLINE Edge edge_of(global const Triangle *t, int a, int b)
 {
     Edge e = {t->x[b] - t->x[a], t->y[b] - t->y[a], t->x[a], t->y[a], 0};
     e.bias = e.dy < 0 || (e.dy == 0 && e.dx > 0) ? 0 : -1;
@@ -33,23 +33,23 @@ typedef struct {
     bool small;  // E fits 32 bits all over the tile
 } Walk;
 
-static inline Walk walk_of(global const Triangle *t, int tile_x, int tile_y, int width, int height)
+INLINE Walk walk_of(global const Triangle *t, int tile_x, int tile_y, int width, int height)
 {
     Walk w;
     w.edge[0] = edge_of(t, 1, 2), w.edge[1] = edge_of(t, 2, 0), w.edge[2] = edge_of(t, 0, 1);
-    int x_min = min(t->x[0], min(t->x[1], t->x[2])), x_max = max(t->x[0], max(t->x[1], t->x[2]));
-    int y_min = min(t->y[0], min(t->y[1], t->y[2])), y_max = max(t->y[0], max(t->y[1], t->y[2]));
-    w.left = max(first_pixel(x_min, width) - tile_x, 0);
-    w.right = min(min(last_pixel(x_max, width), width - 1) - tile_x, TILE - 1);
-    w.top = max(first_pixel(y_min, height) - tile_y, 0);
-    w.bottom = min(min(last_pixel(y_max, height), height - 1) - tile_y, TILE - 1);
-    w.small = max(x_max - x_min, y_max - y_min) < SMALL_EXTENT;
+    int x_min = MIN(t->x[0], MIN(t->x[1], t->x[2])), x_max = MAX(t->x[0], MAX(t->x[1], t->x[2]));
+    int y_min = MIN(t->y[0], MIN(t->y[1], t->y[2])), y_max = MAX(t->y[0], MAX(t->y[1], t->y[2]));
+    w.left = MAX(first_pixel(x_min, width) - tile_x, 0);
+    w.right = MIN(MIN(last_pixel(x_max, width), width - 1) - tile_x, TILE - 1);
+    w.top = MAX(first_pixel(y_min, height) - tile_y, 0);
+    w.bottom = MIN(MIN(last_pixel(y_max, height), height - 1) - tile_y, TILE - 1);
+    w.small = MAX(x_max - x_min, y_max - y_min) < SMALL_EXTENT;
     return w;
 }
 
 // E at a strip's samples, in 32 bits where proven to fit and in 64 elsewhere: the same integers either way.
 #define DEFINE_EDGE_VALUES(name, integer)                                                                       \
-    static inline VECTOR(integer) name(Edge e, int x, int y)                                                    \
+    INLINE VECTOR(integer) name(Edge e, int x, int y)                                                    \
     {                                                                                                           \
         integer first = (integer)e.dx * (y - e.y) - (integer)e.dy * (x - e.x);                                  \
         return (VECTOR(integer))(first) - (VECTOR(integer))((integer)e.dy * SUBPIXELS) * (VECTOR(integer))(IOTA); \
@@ -58,7 +58,7 @@ DEFINE_EDGE_VALUES(edge_values_small, int)
 DEFINE_EDGE_VALUES(edge_values_large, long)
 
 // Coverage of a strip, -1 or 0 a pixel, and the barycentric weights times twice the area, each rounded once.
-static inline VECTOR(int) cover(const Walk *w, int column, int x, int y, VECTOR(float) weight[3])
+INLINE VECTOR(int) cover(const Walk *w, int column, int x, int y, VECTOR(float) weight[3])
 {
     // The last strip of a row may reach beyond the image, and so may the triangle.
     VECTOR(int) covered = (VECTOR(int))(IOTA) <= (VECTOR(int))(w->right - column);
@@ -66,13 +66,13 @@ static inline VECTOR(int) cover(const Walk *w, int column, int x, int y, VECTOR(
         for (int k = 0; k < 3; ++k) {
             VECTOR(int) e = edge_values_small(w->edge[k], x, y);
             covered &= (e + (VECTOR(int))(w->edge[k].bias)) >= (VECTOR(int))(0);
-            weight[k] = CONVERT(float)(e);
+            weight[k] = CONVERT(float, STRIP, e);
         }
     } else {
         for (int k = 0; k < 3; ++k) {
             VECTOR(long) e = edge_values_large(w->edge[k], x, y);
-            covered &= CONVERT(int)((e + (VECTOR(long))(w->edge[k].bias)) >= (VECTOR(long))(0));
-            weight[k] = CONVERT(float)(e);
+            covered &= CONVERT(int, STRIP, (e + (VECTOR(long))(w->edge[k].bias)) >= (VECTOR(long))(0));
+            weight[k] = CONVERT(float, STRIP, e);
         }
     }
     return covered;
@@ -88,7 +88,7 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
                             uint first_tile, int columns, int width, int height,
                             global uint *pixel_end, global uint *tile_fragments)
 {
-    local uint prefix[TILE_PIXELS];
+    local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
     int lane = get_local_id(0);
     int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
@@ -105,7 +105,7 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
         }
     }
 
-    for (int own = 0; own < STRIPS_A_LANE; ++own) VSTORE(counts[own], own * LANES + lane, prefix);
+    for (int own = 0; own < STRIPS_A_LANE; ++own) *(local VECTOR(uint) *)(prefix + (own * LANES + lane) * STRIP) = counts[own];
     barrier(CLK_LOCAL_MEM_FENCE);
     if (lane == 0)
         for (int p = 1; p < TILE_PIXELS; ++p) prefix[p] += prefix[p - 1];
@@ -116,26 +116,25 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 
 #if FRAGMENT_COLOR
 // Colour of one fragment: weights of the face's vertices, not yet divided by their sum.
-static inline float4 shade(const float vertex_weight[3], uint source, global const uint *faces,
+INLINE float4 shade(const float vertex_weight[3], uint source, global const uint *faces,
                            global const void *palette, global const float *normals, float3 view_direction)
 {
     // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
-    float a = fmax(vertex_weight[0], 0.0f), b = fmax(vertex_weight[1], 0.0f), c = fmax(vertex_weight[2], 0.0f);
+    float a = MAX(vertex_weight[0], 0.0f), b = MAX(vertex_weight[1], 0.0f), c = MAX(vertex_weight[2], 0.0f);
     float scale = 1.0f / (a + b + c);
     a *= scale, b *= scale, c *= scale;
-    uint3 face = vload3(source, faces);
+    uint3 face = load_face(faces, source);
 #if COLOR_RATE_VERTEX
     float4 color = a * palette_color(palette, face.x) + b * palette_color(palette, face.y) +
                    c * palette_color(palette, face.z);
-    color = clamp(color, 0.0f, 1.0f);
 #else
     float4 color = palette_color(palette, COLOR_RATE_FACE ? source : 0);
 #endif
 #if HEADLIGHT
-    float3 n = a * vload3(face.x, normals) + b * vload3(face.y, normals) + c * vload3(face.z, normals);
+    float3 n = a * load3(normals, face.x) + b * load3(normals, face.y) + c * load3(normals, face.z);
     float length2 = n.x * n.x + n.y * n.y + n.z * n.z;
     float facing = n.x * view_direction.x + n.y * view_direction.y + n.z * view_direction.z;
-    float cosine = length2 > 0.0f ? fmin(fabs(facing) / sqrt(length2), 1.0f) : 1.0f;
+    float cosine = length2 > 0.0f ? MIN(fabs(facing) / sqrt(length2), 1.0f) : 1.0f;
     color.xyz *= AMBIENT + (1.0f - AMBIENT) * cosine;
 #endif
     return color;
@@ -177,24 +176,22 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
         FOR_EACH_STRIP(w, lane, s, own) {
             int column = (s % STRIPS_A_ROW) * STRIP;
             int x = sample_at(tile_x + column, width), y = sample_at(tile_y + s / STRIPS_A_ROW, height);
-            int covered[STRIP];
-            float depth[STRIP];
-            VSTORE(cover(&w, column, x, y, weight), 0, covered);
-            VECTOR(float) d = fma(weight[0], (VECTOR(float))(d0), fma(weight[1], (VECTOR(float))(d1), weight[2] * d2));
-            VSTORE(fmin(fmax(d * inverse_area, (VECTOR(float))(t->depth_min)), (VECTOR(float))(t->depth_max)), 0, depth);
-#if FRAGMENT_COLOR
-            float part[3][STRIP];
-            for (int k = 0; k < 3; ++k) VSTORE(weight[k], 0, part[k]);
-#endif
-            for (int k = max(w.left - column, 0); k <= min(w.right - column, STRIP - 1); ++k) {
+            VECTOR(int) coverage = cover(&w, column, x, y, weight);
+            VECTOR(float) depths = ((weight[0] * d0 + weight[1] * d1) + weight[2] * d2) * inverse_area;
+            depths = MAX(depths, (VECTOR(float))(t->depth_min));
+            depths = MIN(depths, (VECTOR(float))(t->depth_max));
+            const int *covered = (const int *)&coverage;
+            const float *depth = (const float *)&depths;
+            for (int k = MAX(w.left - column, 0); k <= MIN(w.right - column, STRIP - 1); ++k) {
                 if (!covered[k]) continue;
                 uint at = next[own * STRIP + k]++;
                 if (at >= capacity) continue;
 #if FRAGMENT_COLOR
                 float vertex_weight[3];
                 for (int j = 0; j < 3; ++j)
-                    vertex_weight[j] = part[0][k] * corner_weight[j] + part[1][k] * corner_weight[3 + j] +
-                                       part[2][k] * corner_weight[6 + j];
+                    vertex_weight[j] = ((const float *)&weight[0])[k] * corner_weight[j] +
+                                       ((const float *)&weight[1])[k] * corner_weight[3 + j] +
+                                       ((const float *)&weight[2])[k] * corner_weight[6 + j];
                 colors[at] = shade(vertex_weight, t->source, faces, palette, normals, (float3)(view_x, view_y, view_z));
                 uint payload = at;
 #endif

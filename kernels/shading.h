@@ -8,7 +8,7 @@
 
 #include "common.h"
 
-static inline float4 palette_color(global const void *palette, uint index)
+INLINE float4 palette_color(global const void *palette, uint index)
 {
 #if PACKED_COLOR
     return unpack_color(((global const uint *)palette)[index]);
@@ -17,7 +17,7 @@ static inline float4 palette_color(global const void *palette, uint index)
 #endif
 }
 
-static inline uint face_payload(global const void *palette, uint source)
+INLINE uint face_payload(global const void *palette, uint source)
 {
     uint index = COLOR_RATE_FACE ? source : 0;
 #if PACKED_COLOR
@@ -28,7 +28,7 @@ static inline uint face_payload(global const void *palette, uint source)
 }
 
 // `colors` is the fragments' own colours, or the palette where they have none.
-static inline float4 fragment_color(uint payload, global const float4 *colors)
+INLINE float4 fragment_color(uint payload, global const float4 *colors)
 {
 #if PACKED_COLOR && !FRAGMENT_COLOR
     return unpack_color(payload);

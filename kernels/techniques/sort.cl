@@ -9,9 +9,9 @@
 #include "blending.h"
 #include "shading.h"
 
-static inline uint key_of(ulong fragment) { return (uint)(fragment >> 32); }
+INLINE uint key_of(ulong fragment) { return (uint)(fragment >> 32); }
 
-static inline void insertion_sort(ulong *run, uint count)
+INLINE void insertion_sort(ulong *run, uint count)
 {
     for (uint i = 1; i < count; ++i) {
         ulong moving = run[i];
@@ -26,14 +26,14 @@ static global const ulong *merge_sort(global ulong *list, global ulong *spare, u
 {
     for (uint first = 0; first < count; first += INSERTION_MAX) {
         ulong run[INSERTION_MAX];
-        uint length = min(count - first, (uint)INSERTION_MAX);
+        uint length = MIN(count - first, (uint)INSERTION_MAX);
         for (uint k = 0; k < length; ++k) run[k] = list[first + k];
         insertion_sort(run, length);
         for (uint k = 0; k < length; ++k) list[first + k] = run[k];
     }
     for (uint width = INSERTION_MAX; width < count; width *= 2) {
         for (uint first = 0; first < count; first += 2 * width) {
-            uint a = first, middle = min(first + width, count), b = middle, end = min(first + 2 * width, count);
+            uint a = first, middle = MIN(first + width, count), b = middle, end = MIN(first + 2 * width, count);
             for (uint out = first; out < end; ++out) {
                 bool left = b >= end || (a < middle && key_of(list[a]) <= key_of(list[b]));
                 spare[out] = list[left ? a++ : b++];
