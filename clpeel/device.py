@@ -67,10 +67,12 @@ class Gpu:
             cl.enqueue_copy(self.queue, held, np.ascontiguousarray(array), is_blocking=True)
         return held
 
-    def get(self, held: cl.Buffer, shape: int | tuple[int, ...], dtype: Any) -> np.ndarray[Any, Any]:
-        """The buffer's first elements; waits for the device."""
+    def get(
+        self, held: cl.Buffer, shape: int | tuple[int, ...], dtype: Any, offset: int = 0
+    ) -> np.ndarray[Any, Any]:
+        """The buffer's elements from `offset` bytes on; waits for the device."""
         array = np.empty(shape, dtype)
-        cl.enqueue_copy(self.queue, array, held, is_blocking=True)
+        cl.enqueue_copy(self.queue, array, held, src_offset=offset, is_blocking=True)
         return array
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +29,6 @@ class Fragments:
     """
 
     features: Features
-    batch_tile: int  # first tile of the batch, in the image
     window_tile: int  # first tile of the window, in the batch
     tiles: int
     first_pixel: int  # of each tile, 0 and 255 but where a tile is split
@@ -49,6 +48,7 @@ class _Window:
     first_pixel: int
     last_pixel: int
     count: int
+    layers_max: int
     tile_start: NDArray[np.uint32]
 
 
@@ -61,7 +61,7 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
     kernels = program(gpu, "raster.cl", features)
     width, height = triangles.size
     pixel_end = gpu.buffer("pixel_end", 4 * TILE_PIXELS * batch.tiles)
-    tile_fragments = gpu.buffer("tile_fragments", 4 * batch.tiles)
+    tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
     shared = {
         "triangles": triangles.records,
         "pair_start": batch.pair_start,
@@ -72,21 +72,16 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
         "height": height,
         "pixel_end": pixel_end,
     }
-    launch(
-        gpu,
-        STAGE,
-        kernels["count_fragments"],
-        batch.tiles,
-        gpu.lanes,
-        **shared,
-        tile_fragments=tile_fragments,
-    )
-    ends = gpu.get(pixel_end, (batch.tiles, TILE_PIXELS), np.uint32)
-    layers_max = int(np.diff(ends, axis=1, prepend=np.uint32(0)).max(initial=0))
-    for window in _windows(ends, capacity):
-        tile_start = gpu.put("tile_start", window.tile_start)
+    launch(gpu, STAGE, kernels["count_fragments"], batch.tiles, gpu.lanes, **shared, tile_totals=tile_totals)
+    totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32)
+
+    def pixels_of(tile: int) -> NDArray[np.int64]:
+        return gpu.get(pixel_end, TILE_PIXELS, np.uint32, offset=4 * TILE_PIXELS * tile).astype(np.int64)
+
+    for window in _windows(totals, pixels_of, capacity):
         fragments = gpu.buffer("fragments", 8 * window.count)
-        colors = gpu.buffer("colors", 16 * window.count) if features.fragment_color else triangles.scene.palette
+        colors = gpu.buffer("colors", 16 * window.count) if features.fragment_color else None
+        tile_start = gpu.put("tile_start", window.tile_start)
         launch(
             gpu,
             STAGE,
@@ -105,47 +100,50 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
             view_y=triangles.view[1],
             view_z=triangles.view[2],
             fragments=fragments,
-            colors=colors if features.fragment_color else None,
+            colors=colors,
         )
         yield Fragments(
             features=features,
-            batch_tile=batch.first_tile,
             window_tile=window.first,
             tiles=window.tiles,
             first_pixel=window.first_pixel,
             last_pixel=window.last_pixel,
             count=window.count,
-            layers_max=layers_max,
+            layers_max=window.layers_max,
             fragments=fragments,
-            colors=colors,
+            colors=triangles.scene.palette if colors is None else colors,
             pixel_end=pixel_end,
             tile_start=tile_start,
         )
 
 
-def _windows(ends: NDArray[np.uint32], capacity: int) -> Iterator[_Window]:
+def _windows(
+    totals: NDArray[np.uint32], pixels_of: Callable[[int], NDArray[np.int64]], capacity: int
+) -> Iterator[_Window]:
     """Runs of tiles of at most `capacity` fragments; a tile deeper than that in runs of pixels."""
-    totals = ends[:, -1].astype(np.int64)
-    after = np.cumsum(totals)
+    counts, layers = totals[:, 0].astype(np.int64), totals[:, 1]
+    after = np.cumsum(counts)
     tile = 0
-    while tile < len(totals):
-        before = int(after[tile] - totals[tile])
+    while tile < len(counts):
+        before = int(after[tile] - counts[tile])
         stop = int(np.searchsorted(after, before + capacity, side="right"))
         if stop > tile:
-            starts = (after[tile:stop] - totals[tile:stop] - before).astype(np.uint32)
-            yield _Window(tile, stop - tile, 0, TILE_PIXELS - 1, int(after[stop - 1]) - before, starts)
+            starts = (after[tile:stop] - counts[tile:stop] - before).astype(np.uint32)
+            count, deepest = int(after[stop - 1]) - before, int(layers[tile:stop].max())
+            yield _Window(tile, stop - tile, 0, TILE_PIXELS - 1, count, deepest, starts)
             tile = stop
             continue
-        pixels = ends[tile].astype(np.int64)
+        ends = pixels_of(tile)
         pixel, done = 0, 0
         while pixel < TILE_PIXELS:
-            stop = int(np.searchsorted(pixels, done + capacity, side="right"))
+            stop = int(np.searchsorted(ends, done + capacity, side="right"))
             if stop == pixel:
                 raise InputError(
-                    f"memory: expected room for the {pixels[pixel] - done:,} fragments of the deepest pixel, "
+                    f"memory: expected room for the {ends[pixel] - done:,} fragments of one pixel, "
                     f"got room for {capacity:,}; raise --memory"
                 )
             start = np.array([-done], np.int64).astype(np.uint32)
-            yield _Window(tile, 1, pixel, stop - 1, int(pixels[stop - 1]) - done, start)
-            pixel, done = stop, int(pixels[stop - 1])
+            count = int(ends[stop - 1]) - done
+            yield _Window(tile, 1, pixel, stop - 1, count, int(layers[tile]), start)
+            pixel, done = stop, int(ends[stop - 1])
         tile += 1

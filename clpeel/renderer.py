@@ -18,7 +18,7 @@ from clpeel.composite import Picture
 from clpeel.device import Gpu, open_device
 from clpeel.errors import InputError
 from clpeel.image import save_png
-from clpeel.layout import MAX_SIDE
+from clpeel.layout import MAX_SIDE, TILE_PIXELS
 from clpeel.normals import with_normals
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
@@ -29,6 +29,10 @@ from clpeel.techniques import technique as technique_named
 LIGHTINGS = ("none", "headlight")
 MIN_MEMORY = 1 << 20
 """Bytes that fragments are given at least, however little is left of the budget."""
+
+LAYER_BYTES = 16 * TILE_PIXELS
+SAMPLES = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
+"""Samples a pixel to samples a side; a side divides a tile's, so that a pixel's samples share a tile."""
 
 Progress = Callable[[float, str], None]
 
@@ -85,6 +89,7 @@ class Renderer:
         background: Sequence[float] | None = (1, 1, 1),
         lighting: str = "none",
         *,
+        samples: int = 1,
         memory: int | str | None = None,
         keep_color: bool = True,
         progress: Progress | None = None,
@@ -93,7 +98,7 @@ class Renderer:
 
         camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
         `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, or None for straight alpha. lighting: "none" (colours
-        as given) or "headlight". memory: bytes, or text such as "512M", that device buffers besides the scene and the
+        as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged (smooth edges). memory: bytes, or text such as "512M", that device buffers besides the scene and the
         picture may take; by default a quarter of the device's. keep_color: whether the result has `color`.
         progress: called with the share done (0..1) and a text. Raises InputError on any of these that cannot be.
         """
@@ -102,6 +107,7 @@ class Renderer:
         chosen = technique_named(technique)
         size = checked_size(size)
         over = checked_background(background)
+        side = checked_samples(samples, size)
         limit = gpu.default_memory if memory is None else parse_memory(memory)
         if camera is None:
             camera = Camera.frame(self.scene, aspect=size[0] / size[1])
@@ -111,7 +117,7 @@ class Renderer:
         gpu.events.clear()
 
         report(0.0, "projecting")
-        triangles = project(gpu, on_device, camera, size, lighting != "none")
+        triangles = project(gpu, on_device, camera, (size[0] * side, size[1] * side), lighting != "none")
         budget = max(limit - on_device.nbytes - triangles.nbytes, MIN_MEMORY)
         batch_budget = budget // BATCH_SHARE
         largest = int(gpu.device.max_mem_alloc_size)
@@ -121,21 +127,22 @@ class Renderer:
             (budget - batch_budget) // fragment_bytes,
             largest // (16 if triangles.features.fragment_color else 8),
         )
-        picture = Picture(gpu, size, over, keep_color)
-        fragment_count = layers_max = batches = windows = 0
+        picture = Picture(gpu, size, side, over, keep_color)
+        fragment_count = layers_max = batches = 0
         total_pairs = max(int(tiles.tile_pairs.sum()), 1)
         for batch in tiles.batches(min(batch_budget, largest)):
             batches += 1
+            layer = gpu.buffer("layer", LAYER_BYTES * batch.tiles)
             for fragments in rasterize(gpu, triangles, batch, capacity):
-                picture.put(chosen.resolve(gpu, fragments))
+                chosen.resolve(gpu, fragments, layer)
                 fragment_count += fragments.count
                 layers_max = max(layers_max, fragments.layers_max)
-                windows += 1
                 if progress is not None:
                     gpu.queue.finish()
                     share = fragments.window_tile + fragments.tiles
                     done = int(tiles.tile_pairs[: batch.first_tile + share].sum())
                     report(done / total_pairs, "rendering")
+            picture.put(triangles.features, batch, layer)
         picture.finish()
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
@@ -145,9 +152,10 @@ class Renderer:
         stats: dict[str, Any] = {
             "technique": technique,
             "passes": chosen.passes,
-            "passes_issued": windows,
+            "passes_issued": chosen.passes,
             "samples_passed": [fragment_count],
             "size": list(size),
+            "samples": samples,
             "triangles": triangles.faces,
             "clipped": triangles.clipped,
             "discarded": triangles.discarded,
@@ -191,6 +199,18 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise InputError(f"size: expected 1..{MAX_SIDE} pixels a side, got {size[0]} x {size[1]}")
     return width, height
+
+
+def checked_samples(samples: int, size: tuple[int, int]) -> int:
+    """Samples a side, or InputError."""
+    if samples not in SAMPLES:
+        raise InputError(f"samples: expected one of {', '.join(map(str, SAMPLES))}, got {samples!r}")
+    side = SAMPLES[samples]
+    if max(size) * side > MAX_SIDE:
+        raise InputError(
+            f"samples: expected at most {MAX_SIDE // side} pixels a side with {samples} samples, got {max(size)}"
+        )
+    return side
 
 
 def checked_background(background: Sequence[float] | None) -> tuple[float, float, float] | None:

@@ -3,6 +3,7 @@
 //   composite    one work-group a tile
 //
 // Over a background: C + T b. Without one: straight alpha, C / (1 - T) and 1 - T.
+// A picture pixel is the mean of `side` x `side` samples of the layer; side divides TILE, so they share a tile.
 #include "common.h"
 
 INLINE uchar4 to_bytes(float4 color)
@@ -12,17 +13,24 @@ INLINE uchar4 to_bytes(float4 color)
     return CONVERT(uchar, 4, CONVERT(int, 4, MAX(color, (float4)(0.0f))));
 }
 
-kernel void composite(global const float4 *layer, uint first_tile, int columns, int width, int height,
-                      uint first_pixel, uint last_pixel, float red, float green, float blue, int has_background,
-                      int keep_color, global uchar4 *image, global float4 *color)
+kernel void composite(global const float4 *layer, uint first_tile, int columns, int side, int width, int height,
+                      float red, float green, float blue, int has_background, int keep_color,
+                      global uchar4 *image, global float4 *color)
 {
     uint tile = get_group_id(0);
-    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
-    for (uint p = first_pixel + get_local_id(0); p <= last_pixel; p += LANES) {
-        int x = tile_x + (int)(p % TILE), y = tile_y + (int)(p / TILE);
+    int block = TILE / side;
+    int block_x = (int)((first_tile + tile) % columns) * block, block_y = (int)((first_tile + tile) / columns) * block;
+    for (int q = get_local_id(0); q < block * block; q += LANES) {
+        int x = block_x + q % block, y = block_y + q / block;
         if (x >= width || y >= height) continue;
+        uint slot = tile * TILE_PIXELS + (q / block) * side * TILE + (q % block) * side;
+        float4 pixel = layer[slot];
+        if (side > 1) {
+            pixel = (float4)(0.0f);
+            for (int k = 0; k < side * side; ++k) pixel += layer[slot + (k / side) * TILE + k % side];
+            pixel /= (float)(side * side);
+        }
         size_t at = (size_t)y * width + x;
-        float4 pixel = layer[tile * TILE_PIXELS + p];
         float alpha = 1.0f - pixel.w;
         if (keep_color) color[at] = (float4)(pixel.xyz, alpha);
         if (has_background) pixel = (float4)(pixel.xyz + pixel.w * (float3)(red, green, blue), 1.0f);

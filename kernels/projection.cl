@@ -93,9 +93,14 @@ kernel void project_vertices(global const float *positions, global const float *
     ClipVertex c = to_clip_space(matrix, positions, low_positions, from);
     // A NaN or infinity anywhere makes this sum one: positions are below 2^61, so it cannot overflow by itself.
     float3 p = load3(positions, from);
+    // Field by field: the copy of a whole struct keeps a CPU compiler from running items side by side.
     Vertex v = to_screen(c);
-    v.outcode = is_finite((p.x + p.y) + p.z) ? outcode_of(c, depth_far) : NOT_FINITE;
-    vertices[i] = v;
+    vertices[i].x = v.x;
+    vertices[i].y = v.y;
+    vertices[i].offset_x = v.offset_x;
+    vertices[i].offset_y = v.offset_y;
+    vertices[i].depth = v.depth;
+    vertices[i].outcode = is_finite((p.x + p.y) + p.z) ? outcode_of(c, depth_far) : NOT_FINITE;
 }
 
 // The record of a triangle with these corners; false when it covers no sample.

@@ -7,7 +7,8 @@
 // writes its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order:
 //
 //   fragments:  | pixel 0: first submitted .. last | pixel 1: ... |      key << 32 | payload
-//   pixel_end:  inclusive prefix sum of the counts within the tile
+//   pixel_end:    inclusive prefix sum of the counts within the tile
+//   tile_totals:  fragments of the tile, and of its deepest pixel
 //
 // key: depth_key() of the fragment's depth; payload: the packed colour, or an index into `colors`.
 #include "shading.h"
@@ -86,7 +87,7 @@ INLINE VECTOR(int) cover(const Walk *w, int column, int x, int y, VECTOR(float) 
 
 kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                             uint first_tile, int columns, int width, int height,
-                            global uint *pixel_end, global uint *tile_fragments)
+                            global uint *pixel_end, global uint2 *tile_totals)
 {
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
@@ -107,11 +108,16 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 
     for (int own = 0; own < STRIPS_A_LANE; ++own) *(local VECTOR(uint) *)(prefix + (own * LANES + lane) * STRIP) = counts[own];
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (lane == 0)
-        for (int p = 1; p < TILE_PIXELS; ++p) prefix[p] += prefix[p - 1];
+    if (lane == 0) {
+        uint sum = 0, deepest = 0;
+        for (int p = 0; p < TILE_PIXELS; ++p) {
+            deepest = MAX(deepest, prefix[p]);
+            prefix[p] = sum += prefix[p];
+        }
+        tile_totals[tile] = (uint2)(sum, deepest);
+    }
     barrier(CLK_LOCAL_MEM_FENCE);
     for (int p = lane; p < TILE_PIXELS; p += LANES) pixel_end[tile * TILE_PIXELS + p] = prefix[p];
-    if (lane == 0) tile_fragments[tile] = prefix[TILE_PIXELS - 1];
 }
 
 #if FRAGMENT_COLOR

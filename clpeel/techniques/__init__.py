@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from clpeel.composite import Layer
+import pyopencl as cl
+
 from clpeel.device import Gpu
 from clpeel.errors import InputError
 from clpeel.raster import Fragments
@@ -14,10 +15,11 @@ from clpeel.techniques import sort
 
 @dataclass(frozen=True)
 class Technique:
-    """resolve: a window's fragments to a layer; fragment_bytes: what it needs for each of them besides the fragment."""
+    """resolve: fills its pixels of a batch's layer (float32 [tiles, TILE_PIXELS, 4], premultiplied colour and the
+    transmittance behind it) from a window's fragments; fragment_bytes: what it needs for each besides the fragment."""
 
     summary: str
-    resolve: Callable[[Gpu, Fragments], Layer]
+    resolve: Callable[[Gpu, Fragments, cl.Buffer], None]
     fragment_bytes: int
     passes: int  # geometry passes, as the paper counts them
     exact: bool

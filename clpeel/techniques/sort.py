@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from clpeel.composite import Layer
+import pyopencl as cl
+
 from clpeel.device import Gpu
-from clpeel.layout import INSERTION_MAX, TILE_PIXELS
+from clpeel.layout import INSERTION_MAX
 from clpeel.program import launch, program
 from clpeel.raster import Fragments
 
@@ -13,10 +14,9 @@ FRAGMENT_BYTES = 8
 """Room to merge long lists in, taken only where a pixel has more than INSERTION_MAX fragments."""
 
 
-def resolve(gpu: Gpu, fragments: Fragments) -> Layer:
+def resolve(gpu: Gpu, fragments: Fragments, layer: cl.Buffer) -> None:
     """Front to back under blending in the order (depth, submission index), float32 (Bavoil and Myers 2008)."""
     scratch = gpu.buffer("scratch", 8 * fragments.count) if fragments.layers_max > INSERTION_MAX else None
-    layer = gpu.buffer("layer", 16 * TILE_PIXELS * fragments.tiles)
     launch(
         gpu,
         "sort",
@@ -33,4 +33,3 @@ def resolve(gpu: Gpu, fragments: Fragments) -> Layer:
         last_pixel=fragments.last_pixel,
         layer=layer,
     )
-    return Layer(fragments, layer)

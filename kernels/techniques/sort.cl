@@ -67,6 +67,6 @@ kernel void resolve(global ulong *fragments, global ulong *scratch, global const
             for (uint k = 0; k < count && color.w != 0.0f; ++k)
                 color = blend_under(color, fragment_color((uint)sorted[k], colors));
         }
-        layer[tile * TILE_PIXELS + p] = color;
+        layer[slot] = color;
     }
 }
