@@ -34,10 +34,10 @@ CLIP_TRIANGLES = MAX_CLIP_VERTICES - 2
 """Records kept for the fan of one clipped triangle."""
 
 CLIPPED_FACE = 0xFFFF
-"""First tile bound of a face whose records are a clipped fan; no image has that many tiles."""
+"""First pixel column of a face whose records are a clipped fan: it has no columns, being greater than the last."""
 
-INSERTION_MAX = 24
-"""Deepest pixel sorted by insertion alone, and the length of the runs that longer lists are merged from."""
+RUN_MAX = 64
+"""Deepest pixel that is sorted in private memory, and the length of the runs that longer lists are merged from."""
 
 AMBIENT = 0.2
 """Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""
@@ -67,7 +67,9 @@ TRIANGLE = np.dtype(
         ("depth", np.float32, 3),  # of the triangle's plane at the snapped corners
         ("depth_min", np.float32),  # of the exact corners: no fragment lies outside them
         ("depth_max", np.float32),
+        ("inverse_area", np.float32),  # 1 / twice the area in square subpixels
         ("source", np.uint32),  # submission index: the face it comes from
+        ("small", np.uint32),  # whether its edge functions fit 32 bits (SMALL_EXTENT)
     ]
 )
 """What the rasterizer needs of a triangle."""

@@ -163,10 +163,9 @@ def _creased(units: Floats, areas: Floats, corners: Indices, places: Indices, cr
     sums = np.empty_like(area)
     for size in np.unique(sizes):
         groups = starts[sizes == size]
-        step = max(1, _PAIRS // int(size) ** 2)
+        solve, step = (_in_pairs, max(1, _PAIRS // int(size) ** 2)) if size <= _CROWD else (_in_groups, 1)
         for begin in range(0, len(groups), step):
             members = groups[begin : begin + step, None] + np.arange(size)  # [groups, size]
-            solve = _in_pairs if size <= _CROWD else _in_groups
             sums[:, members] = solve(unit[:, members], area[:, members], crease)
     result = np.empty_like(sums)
     result[:, order] = sums

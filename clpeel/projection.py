@@ -44,7 +44,7 @@ class DeviceScene:
 class Triangles:
     """Screen triangles, a record a face in submission order and CLIP_TRIANGLES more for each clipped face.
 
-    records: TRIANGLE [count]; bounds: uint16 [count, 4], tile columns and rows (first > last: nothing to draw);
+    records: TRIANGLE [count]; bounds: uint16 [count, 4], the first and last pixel column and row (first > last: nothing to draw);
     weights: float32 [count, 3, 3] for colours that vary over a face, else None.
     """
 

@@ -11,7 +11,7 @@ import sys
 import warnings
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -142,7 +142,7 @@ class Scene:
         radius = math.hypot(*half)
         origin = np.zeros(3)
         if math.hypot(*center) > _FAR_FROM_ORIGIN * radius:
-            grid = math.ldexp(1.0, math.frexp(radius)[1] - 1)
+            grid = math.ldexp(1.0, math.frexp(radius)[1] - 1) if radius else 0.0
             origin = np.array([c - math.remainder(c, grid) if grid else c for c in center])
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             size = float(max(np.abs(low - origin).max(), np.abs(high - origin).max()))
@@ -199,7 +199,7 @@ def _from_file(path: str) -> Scene:
         _require_reader(path, extension)
     data = _contents(path)
     with _errors_named(path):
-        plain = _plain_ply(data) if extension == "ply" else None
+        plain = _PLAIN_READERS[extension](data) if extension in _PLAIN_READERS else None
     if plain is not None:
         return plain
     _require_reader(path, extension)
@@ -241,7 +241,8 @@ def _contents(path: str) -> bytes:
 def _errors_named(name: str) -> Iterator[None]:
     """Whatever goes wrong inside becomes one InputError line that begins with name; trimesh's own chatter is silent."""
     logger = logging.getLogger("trimesh")
-    was_disabled, logger.disabled = logger.disabled, True
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)  # holds for the loggers below it too
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
@@ -251,7 +252,7 @@ def _errors_named(name: str) -> Iterator[None]:
     except (Exception, MemoryError) as error:
         raise InputError(f"{name}: not a readable mesh: {_line(error)}") from error
     finally:
-        logger.disabled = was_disabled
+        logger.setLevel(level)
 
 
 def _line(error: BaseException) -> str:
@@ -460,7 +461,7 @@ def _split(scene: Scene) -> Scene:
     return Scene(scene.vertices[corners], faces, vertex_colors=colors, vertex_normals=normals, notes=scene.notes)
 
 
-# --- plain PLY files, without trimesh -------------------------------------------------------------------------------
+# --- plain files, without trimesh -----------------------------------------------------------------------------------
 
 _COUNT_OF = "count of "  # the name of a list's count: no PLY name holds a space
 _PLY_TYPES = dict(
@@ -473,7 +474,7 @@ _PLY_TYPES = dict(
 def _plain_ply(data: bytes) -> Scene | None:
     """The scene of a PLY file of vertices and triangles, as most are; None for any other, which is left to trimesh.
 
-    Here for speed: text is read about ten times as fast as by trimesh, which need not be imported either.
+    Here for speed: text is read about ten times as fast as by trimesh, whose import alone can take most of a command.
     """
     try:
         kind, elements, body = _ply_header(data)
@@ -562,6 +563,19 @@ def _ply_colors(table: NDArray[Any]) -> NDArray[Any] | None:
     if colors is not None and colors.dtype != np.uint8:
         raise ValueError(f"colours of {colors.dtype}")
     return colors
+
+
+def _plain_stl(data: bytes) -> Scene | None:
+    """The scene of a binary STL file; None for text, which is left to trimesh, as is a file of another length."""
+    row = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    count = int.from_bytes(data[80:84], "little")
+    if not count or len(data) != 84 + count * row.itemsize:
+        return None
+    corners = np.frombuffer(data, row, count, 84)["corners"]
+    return Scene.from_arrays(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+
+
+_PLAIN_READERS: dict[str, Callable[[bytes], Scene | None]] = {"ply": _plain_ply, "stl": _plain_stl}
 
 
 # --- checks ---------------------------------------------------------------------------------------------------------

@@ -26,13 +26,14 @@ INLINE bool meets_tile(global const Triangle *t, int column, int row, int width,
 #define FOR_EACH_PAIR(BODY)                                                                                     \
     for (uint face = first; face < last; ++face) {                                                              \
         ushort4 reach = bounds[face];                                                                           \
-        bool fan = reach.x == CLIPPED_FACE;                                                                     \
+        bool fan = reach.x == CLIPPED_FACE && reach.y == 0;                                                     \
         uint record = fan ? face_count + CLIP_TRIANGLES * (reach.z | (uint)reach.w << 16) : face;               \
         uint end = fan ? record + CLIP_TRIANGLES : record + 1;                                                  \
         for (; record < end; ++record) {                                                                        \
             ushort4 box = bounds[record];                                                                       \
-            int row = MAX((int)box.z, first_row), row_end = MIN((int)box.w, last_row);                          \
             if (box.x > box.y) continue;                                                                        \
+            box /= (ushort)TILE;                                                                                \
+            int row = MAX((int)box.z, first_row), row_end = MIN((int)box.w, last_row);                          \
             /* up to four tiles the test costs more than the pairs it saves */                                  \
             bool test = (box.y - box.x + 1) * (box.w - box.z + 1) > 4;                                          \
             for (; row <= row_end; ++row)                                                                       \

@@ -103,12 +103,10 @@ INLINE Pair pair_div(Pair a, Pair b)
 // --- depth ----------------------------------------------------------------------------------------------------------
 // Reversed depth (larger is nearer) to an unsigned key whose ascending order is front to back.
 // The usual monotone map of floats, complemented: -0.0 and negative values keep their place.
-INLINE uint depth_key(float depth)
-{
-    uint bits = as_uint(depth);
-    return bits & 0x80000000u ? bits : ~(bits | 0x80000000u);
-}
-
+// For vectors of any length: `uints` is the type of the keys.
+#define DEPTH_KEY(uints, depth)                                                                                 \
+    ((PASTE(as_, uints)(depth) & (uints)(0x80000000u)) != (uints)(0u) ? PASTE(as_, uints)(depth)                      \
+                                                                   : ~(PASTE(as_, uints)(depth) | (uints)(0x80000000u)))
 // --- colour ---------------------------------------------------------------------------------------------------------
 INLINE float4 unpack_color(uint rgba) { return CONVERT(float, 4, as_uchar4(rgba)) / 255.0f; }
 

@@ -125,7 +125,7 @@ INLINE bool make_triangle(const Vertex *corner, uint source, int width, int heig
         *bounds = (ushort4)(1, 0, 1, 0);
         return false;
     }
-    *bounds = (ushort4)(left / TILE, right / TILE, top / TILE, bottom / TILE);
+    *bounds = (ushort4)(left, right, top, bottom);
 
     // The exact corners relative to the first snapped one, and the gradients of the barycentric coordinates 1 and 2.
     float2 o0 = (float2)(corner[0].offset_x, corner[0].offset_y);
@@ -157,7 +157,9 @@ INLINE bool make_triangle(const Vertex *corner, uint source, int width, int heig
     }
     triangle->depth_min = MIN(corner[0].depth, MIN(corner[1].depth, corner[2].depth));
     triangle->depth_max = MAX(corner[0].depth, MAX(corner[1].depth, corner[2].depth));
+    triangle->inverse_area = 1.0f / (float)(flip ? -area : area);
     triangle->source = source;
+    triangle->small = MAX(x_max - x_min, y_max - y_min) < SMALL_EXTENT;
     return true;
 }
 
@@ -191,12 +193,12 @@ kernel void setup_triangles(global const uint *faces, uint face_count, uint vert
         return;
     }
     Triangle triangle;
-    ushort4 tile_bounds;
+    ushort4 pixel_bounds;
     float moved[3][3];
     int order[3];
-    if (!make_triangle(corner, i, width, height, &triangle, &tile_bounds, moved, order)) return;
+    if (!make_triangle(corner, i, width, height, &triangle, &pixel_bounds, moved, order)) return;
     triangles[i] = triangle;
-    bounds[i] = tile_bounds;
+    bounds[i] = pixel_bounds;
 #if FRAGMENT_COLOR
     float share[3][3] = {{0}};
     for (int k = 0; k < 3; ++k) share[k][k] = PERSPECTIVE ? corner[k].depth : 1.0f;
@@ -270,12 +272,12 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
         if (k + 2 >= count) continue;
         Vertex corner[3] = {to_screen(polygon[0]), to_screen(polygon[k + 1]), to_screen(polygon[k + 2])};
         Triangle triangle;
-        ushort4 tile_bounds;
+        ushort4 pixel_bounds;
         float moved[3][3];
         int order[3];
-        if (!make_triangle(corner, source, width, height, &triangle, &tile_bounds, moved, order)) continue;
+        if (!make_triangle(corner, source, width, height, &triangle, &pixel_bounds, moved, order)) continue;
         triangles[record] = triangle;
-        bounds[record] = tile_bounds;
+        bounds[record] = pixel_bounds;
 #if FRAGMENT_COLOR
         float share[3][3];
         for (int i = 0; i < 3; ++i) {
@@ -286,6 +288,6 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
         store_weights(weights, record, moved, order, share);
 #endif
     }
-    // The face itself has no record: its bounds name its fan (binning.cl, for_each_record).
+    // The face itself has no record: its bounds name its fan (binning.cl, FOR_EACH_PAIR).
     bounds[source] = (ushort4)(CLIPPED_FACE, 0, n & 0xFFFF, n >> 16);
 }

@@ -34,17 +34,13 @@ typedef struct {
     bool small;  // E fits 32 bits all over the tile
 } Walk;
 
-INLINE Walk walk_of(global const Triangle *t, int tile_x, int tile_y, int width, int height)
+INLINE Walk walk_of(global const Triangle *t, ushort4 bounds, int tile_x, int tile_y)
 {
     Walk w;
     w.edge[0] = edge_of(t, 1, 2), w.edge[1] = edge_of(t, 2, 0), w.edge[2] = edge_of(t, 0, 1);
-    int x_min = MIN(t->x[0], MIN(t->x[1], t->x[2])), x_max = MAX(t->x[0], MAX(t->x[1], t->x[2]));
-    int y_min = MIN(t->y[0], MIN(t->y[1], t->y[2])), y_max = MAX(t->y[0], MAX(t->y[1], t->y[2]));
-    w.left = MAX(first_pixel(x_min, width) - tile_x, 0);
-    w.right = MIN(MIN(last_pixel(x_max, width), width - 1) - tile_x, TILE - 1);
-    w.top = MAX(first_pixel(y_min, height) - tile_y, 0);
-    w.bottom = MIN(MIN(last_pixel(y_max, height), height - 1) - tile_y, TILE - 1);
-    w.small = MAX(x_max - x_min, y_max - y_min) < SMALL_EXTENT;
+    w.left = MAX(bounds.x - tile_x, 0), w.right = MIN(bounds.y - tile_x, TILE - 1);
+    w.top = MAX(bounds.z - tile_y, 0), w.bottom = MIN(bounds.w - tile_y, TILE - 1);
+    w.small = t->small;
     return w;
 }
 
@@ -85,7 +81,8 @@ INLINE VECTOR(int) cover(const Walk *w, int column, int x, int y, VECTOR(float) 
          s < ((w).bottom + 1) * STRIPS_A_ROW; s += LANES, ++own)                                                \
         if ((s % STRIPS_A_ROW) * STRIP <= (w).right && (s % STRIPS_A_ROW) * STRIP + STRIP > (w).left)
 
-kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+kernel void count_fragments(global const Triangle *triangles, global const ushort4 *bounds,
+                           global const uint *pair_start, global const uint *pairs,
                             uint first_tile, int columns, int width, int height,
                             global uint *pixel_end, global uint2 *tile_totals)
 {
@@ -97,7 +94,8 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
     for (int own = 0; own < STRIPS_A_LANE; ++own) counts[own] = (VECTOR(uint))(0);
 
     for (uint k = pair_start[tile]; k < pair_start[tile + 1]; ++k) {
-        Walk w = walk_of(triangles + pairs[k], tile_x, tile_y, width, height);
+        uint record = pairs[k];
+        Walk w = walk_of(triangles + record, bounds[record], tile_x, tile_y);
         VECTOR(float) weight[3];
         FOR_EACH_STRIP(w, lane, s, own) {
             int column = (s % STRIPS_A_ROW) * STRIP;
@@ -149,7 +147,8 @@ INLINE float4 shade(const float vertex_weight[3], uint source, global const uint
 
 // A window is a run of fragments of the batch: positions are relative to its first, and those outside `capacity` (a tile
 // too deep for one window) are left to the others.
-kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+kernel void emit_fragments(global const Triangle *triangles, global const ushort4 *bounds,
+                           global const uint *pair_start, global const uint *pairs,
                            uint first_tile, uint window_tile, int columns, int width, int height,
                            global const uint *pixel_end, global const uint *tile_start, uint capacity,
                            global const uint *faces, global const void *palette, global const float *weights,
@@ -159,19 +158,18 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
     uint tile = window_tile + get_group_id(0);
     int lane = get_local_id(0);
     int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
-    uint next[STRIPS_A_LANE * STRIP];
+    VECTOR(uint) next[STRIPS_A_LANE];
     for (int own = 0; own < STRIPS_A_LANE; ++own)
         for (int k = 0; k < STRIP; ++k) {
             int p = (own * LANES + lane) * STRIP + k;
-            next[own * STRIP + k] = tile_start[get_group_id(0)] + (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0);
+            ((uint *)&next[own])[k] = tile_start[get_group_id(0)] + (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0);
         }
 
     for (uint pair = pair_start[tile]; pair < pair_start[tile + 1]; ++pair) {
         uint record = pairs[pair];
         global const Triangle *t = triangles + record;
-        Walk w = walk_of(t, tile_x, tile_y, width, height);
+        Walk w = walk_of(t, bounds[record], tile_x, tile_y);
         float d0 = t->depth[0], d1 = t->depth[1], d2 = t->depth[2];
-        float inverse_area = 1.0f / (float)((long)w.edge[2].dx * -w.edge[1].dy + (long)w.edge[2].dy * w.edge[1].dx);
         VECTOR(float) weight[3];
 #if FRAGMENT_COLOR
         float corner_weight[9];
@@ -183,15 +181,15 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
             int column = (s % STRIPS_A_ROW) * STRIP;
             int x = sample_at(tile_x + column, width), y = sample_at(tile_y + s / STRIPS_A_ROW, height);
             VECTOR(int) coverage = cover(&w, column, x, y, weight);
-            VECTOR(float) depths = ((weight[0] * d0 + weight[1] * d1) + weight[2] * d2) * inverse_area;
-            depths = MAX(depths, (VECTOR(float))(t->depth_min));
-            depths = MIN(depths, (VECTOR(float))(t->depth_max));
-            const int *covered = (const int *)&coverage;
-            const float *depth = (const float *)&depths;
+            VECTOR(float) depth = ((weight[0] * d0 + weight[1] * d1) + weight[2] * d2) * t->inverse_area;
+            depth = MAX(depth, (VECTOR(float))(t->depth_min));
+            depth = MIN(depth, (VECTOR(float))(t->depth_max));
+            VECTOR(uint) key = DEPTH_KEY(VECTOR(uint), depth), place = next[own];
+            next[own] -= PASTE(as_, VECTOR(uint))(coverage);
+            coverage &= place < (VECTOR(uint))(capacity);
             for (int k = MAX(w.left - column, 0); k <= MIN(w.right - column, STRIP - 1); ++k) {
-                if (!covered[k]) continue;
-                uint at = next[own * STRIP + k]++;
-                if (at >= capacity) continue;
+                if (!((const int *)&coverage)[k]) continue;
+                uint at = ((const uint *)&place)[k];
 #if FRAGMENT_COLOR
                 float vertex_weight[3];
                 for (int j = 0; j < 3; ++j)
@@ -201,7 +199,7 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
                 colors[at] = shade(vertex_weight, t->source, faces, palette, normals, (float3)(view_x, view_y, view_z));
                 uint payload = at;
 #endif
-                fragments[at] = (ulong)depth_key(depth[k]) << 32 | payload;
+                fragments[at] = (ulong)((const uint *)&key)[k] << 32 | payload;
             }
         }
     }

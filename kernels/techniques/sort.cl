@@ -3,35 +3,56 @@
 //   resolve    one work-group a tile, one lane a pixel at a time
 //
 // Order: (depth, submission index), nearest first. Fragments arrive in submission order and every sort here is stable, so
-// the depth key alone decides. Short lists are sorted by insertion in private memory; longer ones are cut into runs that
-// are sorted so in place, then merged bottom-up between `fragments` and `scratch`: n log n whatever the depth.
+// the depth key alone decides. Lists up to RUN_MAX are sorted in private memory; longer ones are cut into runs that are
+// sorted so in place, then merged bottom-up between `fragments` and `scratch`: n log n whatever the depth.
 // Blending (blending.h) stops where the transmittance is exactly zero: nothing behind can change the picture.
 #include "blending.h"
 #include "shading.h"
 
 INLINE uint key_of(ulong fragment) { return (uint)(fragment >> 32); }
 
-INLINE void insertion_sort(ulong *run, uint count)
+#if LANES == 1
+// Rank sort: a fragment's place is the number of fragments before it. One lane has the vector unit to itself, so 16 are
+// ranked at once against each of the others, without a branch that depends on a depth.
+INLINE void sort_run(global const ulong *list, uint count, ulong *sorted)
 {
-    for (uint i = 1; i < count; ++i) {
-        ulong moving = run[i];
-        uint k = i;
-        for (; k > 0 && key_of(run[k - 1]) > key_of(moving); --k) run[k] = run[k - 1];
-        run[k] = moving;
+    const uint16 lane = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    uint key[RUN_MAX] __attribute__((aligned(64)));
+    for (uint k = 0; k < count; ++k) key[k] = key_of(list[k]);
+    for (uint first = 0; first < count; first += 16) {
+        uint16 own = *(const uint16 *)(key + first), rank = (uint16)(0);
+        // Equal keys: those submitted earlier come first, so up to this block they count too.
+        uint k = 0;
+        for (; k < first; ++k) rank -= as_uint16((uint16)(key[k]) <= own);
+        for (; k < MIN(first + 16, count); ++k)
+            rank -= as_uint16((uint16)(key[k]) < own + (as_uint16(lane > (uint16)(k - first)) & (uint16)(1)));
+        for (; k < count; ++k) rank -= as_uint16((uint16)(key[k]) < own);
+        for (uint k = 0; k < MIN(count - first, 16u); ++k) sorted[((const uint *)&rank)[k]] = list[first + k];
     }
 }
+#else
+// Insertion sort: the least work for a lane of its own.
+INLINE void sort_run(global const ulong *list, uint count, ulong *sorted)
+{
+    for (uint i = 0; i < count; ++i) {
+        ulong moving = list[i];
+        uint k = i;
+        for (; k > 0 && key_of(sorted[k - 1]) > key_of(moving); --k) sorted[k] = sorted[k - 1];
+        sorted[k] = moving;
+    }
+}
+#endif
 
-// Sorts count > INSERTION_MAX fragments; returns where they end up, `list` or `spare`.
+// Sorts count > RUN_MAX fragments; returns where they end up, `list` or `spare`.
 static global const ulong *merge_sort(global ulong *list, global ulong *spare, uint count)
 {
-    for (uint first = 0; first < count; first += INSERTION_MAX) {
-        ulong run[INSERTION_MAX];
-        uint length = MIN(count - first, (uint)INSERTION_MAX);
-        for (uint k = 0; k < length; ++k) run[k] = list[first + k];
-        insertion_sort(run, length);
+    ulong run[RUN_MAX];
+    for (uint first = 0; first < count; first += RUN_MAX) {
+        uint length = MIN(count - first, (uint)RUN_MAX);
+        sort_run(list + first, length, run);
         for (uint k = 0; k < length; ++k) list[first + k] = run[k];
     }
-    for (uint width = INSERTION_MAX; width < count; width *= 2) {
+    for (uint width = RUN_MAX; width < count; width *= 2) {
         for (uint first = 0; first < count; first += 2 * width) {
             uint a = first, middle = MIN(first + width, count), b = middle, end = MIN(first + 2 * width, count);
             for (uint out = first; out < end; ++out) {
@@ -56,10 +77,9 @@ kernel void resolve(global ulong *fragments, global ulong *scratch, global const
         uint begin = p ? pixel_end[slot - 1] : 0, count = pixel_end[slot] - begin;
         begin += tile_start[tile];
         float4 color = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
-        if (count <= INSERTION_MAX) {
-            ulong run[INSERTION_MAX];
-            for (uint k = 0; k < count; ++k) run[k] = fragments[begin + k];
-            insertion_sort(run, count);
+        if (count <= RUN_MAX) {
+            ulong run[RUN_MAX];
+            sort_run(fragments + begin, count, run);
             for (uint k = 0; k < count && color.w != 0.0f; ++k)
                 color = blend_under(color, fragment_color((uint)run[k], colors));
         } else {
