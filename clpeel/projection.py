@@ -9,16 +9,13 @@ import pyopencl as cl
 
 from clpeel.camera import Camera
 from clpeel.device import Gpu
-from clpeel.layout import CLIP_TRIANGLES, COUNTERS, MAX_CLIP_VERTICES, TRIANGLE, VERTEX, Features
+from clpeel.layout import CLIP_TRIANGLES, COUNTERS, TRIANGLE, VERTEX, Features
 from clpeel.program import GROUP, launch, program
 from clpeel.scene import Positions, Scene
 
 STAGE = "projection"
 BOUNDS_BYTES = 8
 WEIGHTS_BYTES = 36
-
-assert CLIP_TRIANGLES == MAX_CLIP_VERTICES - 2
-
 
 @dataclass(frozen=True)
 class DeviceScene:
