@@ -395,15 +395,10 @@ def _say(text: str) -> None:
 
 
 def _quiet_libraries() -> None:
-    """Keep the libraries' log lines and warnings out of a command's output; `--verbose` leaves them."""
-    import logging
+    """Keep the libraries' warnings out of a command's output; `--verbose` leaves them in."""
     import warnings
 
     warnings.simplefilter("ignore")
-    for name in ("trimesh", "pyopencl", "pytools"):
-        logger = logging.getLogger(name)
-        logger.addHandler(logging.NullHandler())
-        logger.propagate = False
 
 
 # --- render and demo --------------------------------------------------------------------------------------------------
@@ -746,6 +741,9 @@ def _run(arguments: Sequence[str]) -> int:
     if options.command is None:
         parser.print_help()
         return 0
+    from clpeel.cache import ensure_cache
+
+    ensure_cache()
     return int(options.run(options))
 
 

@@ -16,6 +16,8 @@ INSTALL_HINT = (
     "or 'apt install pocl-opencl-icd', or a driver for your GPU"
 )
 
+KINDS = {"cpu": cl.device_type.CPU, "gpu": cl.device_type.GPU, "accelerator": cl.device_type.ACCELERATOR}
+
 CPU_LANES, GPU_LANES = 1, 64
 ALLOWED_LANES = (1, 16, 32, 64, 128)
 
@@ -105,7 +107,7 @@ def list_devices() -> list[DeviceInfo]:
                     name=device.name.strip(),
                     platform=platform.name.strip(),
                     version=device.version.strip(),
-                    kind=cl.device_type.to_string(device.type).lower().replace("default | ", ""),
+                    kind=next((name for name, flag in KINDS.items() if device.type & flag), "other"),
                     compute_units=device.max_compute_units,
                     memory=device.global_mem_size,
                     driver=device.driver_version,

@@ -59,7 +59,15 @@ def device_table() -> list[str]:
         # "OpenCL 3.0 PoCL HSTR: …": the words after the number repeat the platform.
         opencl = " ".join(device.version.split()[1:2]) or device.version
         rows.append(
-            (device.number, device.kind, device.compute_units, memory, opencl, device.platform.strip(), device.name)
+            (
+                device.number,
+                device.kind.split(" | ")[-1],
+                device.compute_units,
+                memory,
+                opencl,
+                device.platform.strip(),
+                device.name,
+            )
         )
     return table(rows)
 

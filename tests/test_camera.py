@@ -1,0 +1,132 @@
+"""The camera: framing, VTK's moves, the matrix against float64, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import twins
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import clpeel
+
+CUBE = clpeel.Scene.from_arrays(
+    [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], [[0, 1, 2], [5, 6, 7]], color=(255, 0, 0)
+)
+coordinate = st.floats(-100, 100, allow_subnormal=False)
+vector = st.tuples(coordinate, coordinate, coordinate)
+
+
+@given(vector, vector, vector, st.floats(1, 170), st.booleans(), vector)
+def test_the_matrix_is_the_projection(position, focal, up, angle, orthographic, point):
+    view = np.subtract(focal, position)
+    assume(abs(np.dot(np.subtract(point, position), view)) > 1e-2 * np.linalg.norm(view))  # beside the eye
+    assume(np.linalg.norm(view) > 1e-3 and np.linalg.norm(np.cross(view, up)) > 1e-2 * np.linalg.norm(view))
+    camera = clpeel.Camera(position, focal, up, angle, (0.1, 1000.0), orthographic)
+    origin, scale = np.array([1.0, -2.0, 3.0]), 0.5
+    matrix, depth_far = camera.projection(origin, scale, (0.1, 1000.0), (640, 480))
+    rows = matrix.astype(np.float64).sum(axis=1)
+    x, y, z, w = rows @ [*((np.array(point) - origin) * scale), 1.0]
+    exact_x, exact_y, distance = twins.screen(np.array([point]), camera, (640, 480))[0]
+    # Pairs keep 2**-48 of each term; the terms are at most some thousand units times the scale of a pixel.
+    slack = 1e-9 * (1 + 480 * 128 / math.tan(math.radians(angle) / 2) / min(abs(w), 1))
+    assert x / w == pytest.approx(exact_x, rel=1e-9, abs=slack)
+    assert y / w == pytest.approx(exact_y, rel=1e-9, abs=slack)
+    if orthographic:
+        assert (z / w, depth_far) == (pytest.approx((1000 - distance) / (1000 - 0.1), abs=1e-9), 0.0)
+    else:
+        assert z / w == pytest.approx(0.1 / distance, rel=1e-6, abs=1e-12)
+        assert depth_far == np.float32(1e-4)
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("direction", ["-Z", "+X", "y", (1, 2, -3)])
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
+def test_frame_holds_the_scene_just(direction, orthographic, aspect):
+    up = "Z" if direction == "y" else "+Y"
+    camera = clpeel.Camera.frame(CUBE, direction, up, 30, aspect=aspect, orthographic=orthographic)
+    assert np.allclose(camera.focal_point, 0)
+    size = (int(400 * aspect), 400)
+    # The bounding sphere's outline touches the nearer sides of the picture and nothing of it is cut.
+    rng = np.random.default_rng(0)
+    sphere = rng.normal(size=(20000, 3))
+    sphere *= math.sqrt(3) / np.linalg.norm(sphere, axis=1, keepdims=True)
+    reach = np.abs(twins.screen(sphere, camera, size)[:, :2]).max(axis=0) / 256 / (np.array(size) / 2)
+    assert reach.max() == pytest.approx(1, abs=0.01) and reach.max() <= 1 + 1e-9
+
+
+def test_moves_are_those_of_vtk():
+    camera = clpeel.Camera((0, 0, 5), (0, 0, 0), (0, 1, 0), 30.0)
+    assert np.allclose(camera.azimuth(90).position, (5, 0, 0))
+    assert np.allclose(camera.elevation(30).position, (0, 2.5, 5 * math.cos(math.radians(30))))
+    assert np.allclose(camera.elevation(30).view_up, (0, math.cos(math.radians(30)), -0.5))
+    assert camera.zoom(2).view_angle == 15
+    flat = clpeel.Camera((0, 0, 5), (0, 0, 0), (0, 1, 0), 30.0, orthographic=True).zoom(2)
+    assert math.tan(math.radians(flat.view_angle) / 2) == pytest.approx(math.tan(math.radians(15)) / 2)
+
+
+def test_moves_against_vtk():
+    pytest.importorskip("vtk", reason="the vtk wheel is not installed")
+    import vtk
+
+    ours = clpeel.Camera((1, 2, 5), (0.1, 0.2, 0.3), (0.1, 1, 0), 30.0).azimuth(25).elevation(-40)
+    theirs = vtk.vtkCamera()
+    theirs.SetPosition(1, 2, 5)
+    theirs.SetFocalPoint(0.1, 0.2, 0.3)
+    theirs.SetViewUp(0.1, 1, 0)
+    theirs.Azimuth(25)
+    theirs.Elevation(-40)
+    assert np.allclose(ours.position, theirs.GetPosition())
+
+
+def test_fitted_range_holds_the_scene():
+    camera = clpeel.Camera((0, 0, 5), (0, 0, 0))
+    near, far = camera.fitted_range(CUBE)
+    assert 3.9 < near < 4 and 6 < far < 6.1
+    near, far = clpeel.Camera((0, 0, 0), (0, 0, -1)).fitted_range(CUBE)  # the eye inside
+    assert 0 < near < 1e-5 and far > 1
+    near, far = clpeel.Camera((0, 0, 9), (0, 0, 10)).fitted_range(CUBE)  # all of it behind
+    assert 0 < near < far
+    near, far = clpeel.Camera((0, 0, 0), (0, 0, -1), orthographic=True).fitted_range(CUBE)
+    assert near < -1 and far > 1
+    assert clpeel.Camera((0, 0, 5), (0, 0, 0), clipping_range=(1, 2)).fitted_range(CUBE) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"position": (0, 0, 0), "focal_point": (0, 0, 0)}, "away from the focal point"),
+        ({"view_up": (0, 0, 3)}, "parallel to the view"),
+        ({"view_up": (0, 0, 0)}, "parallel to the view"),
+        ({"view_angle": 0}, "between 0 and 180"),
+        ({"view_angle": 180}, "between 0 and 180"),
+        ({"view_angle": math.nan}, "between 0 and 180"),
+        ({"view_angle": "wide"}, "expected degrees"),
+        ({"position": (0, 0)}, "3 finite numbers"),
+        ({"position": (0, math.nan, 1)}, "3 finite numbers"),
+        ({"position": "here"}, "expected 3 numbers"),
+        ({"clipping_range": (2, 1)}, "near < far"),
+        ({"clipping_range": (1, 1)}, "near < far"),
+        ({"clipping_range": (0, 1)}, "near > 0"),
+        ({"clipping_range": (1,)}, "(near, far)"),
+        ({"clipping_range": (1, math.inf)}, "near < far"),
+    ],
+)
+def test_what_cannot_be_is_refused(arguments, message):
+    with pytest.raises(clpeel.InputError) as error:
+        clpeel.Camera(**{"position": (0, 0, 5), "focal_point": (0, 0, 0), **arguments})
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("direction", ["W", "-", "", "--Z", (0, 0), (0, 0, 0)])
+def test_directions_that_are_none_are_refused(direction):
+    with pytest.raises(clpeel.InputError, match="camera direction: expected"):
+        clpeel.Camera.frame(CUBE, direction)
+
+
+@pytest.mark.parametrize(("move", "value"), [("zoom", 0), ("zoom", -1), ("zoom", math.nan), ("azimuth", math.inf)])
+def test_moves_that_cannot_be_are_refused(move, value):
+    with pytest.raises(clpeel.InputError, match="expected"):
+        getattr(clpeel.Camera((0, 0, 5), (0, 0, 0)), move)(value)

@@ -1,0 +1,75 @@
+"""Programs: includes, launches by name, the kernels' manners."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+
+import pytest
+
+from clpeel.device import open_device
+from clpeel.layout import Features
+from clpeel.program import GROUP, device_seconds, launch, program, source
+
+FEATURES = Features(1, True, False, "face", True, False)
+FILES = [
+    path
+    for folder in ("", "techniques/")
+    for path in (
+        folder + entry.name for entry in resources.files("clpeel.kernels").joinpath(folder or ".").iterdir()
+    )
+    if path.endswith(".cl")
+]
+
+
+def test_the_kernels_are_installed():
+    assert {"projection.cl", "binning.cl", "raster.cl", "composite.cl", "techniques/sort.cl"} <= set(FILES)
+
+
+@pytest.mark.parametrize("path", FILES)
+def test_sources_are_whole_and_keep_the_rules(path):
+    text = source(path)
+    assert "#include" not in text
+    assert text.count("#pragma OPENCL FP_CONTRACT OFF") == 1
+    code = re.sub(r"//.*", "", text)
+    # Exact images: nothing whose rounding a device may choose.
+    assert not re.search(r"\b(mix|pow|exp|log|native_\w+|half_\w+|mad|rsqrt|dot|normalize|length)\(", code)
+
+
+@pytest.mark.parametrize("path", FILES)
+@pytest.mark.parametrize("lanes", [1, 16, 32, 64, 128])
+@pytest.mark.parametrize("packed", [True, False])
+@pytest.mark.parametrize("rate", ["scene", "face", "vertex"])
+def test_every_build_is_free_of_warnings(path, lanes, packed, rate, recwarn):
+    if lanes not in (1, 64) and (rate != "face" or not packed):
+        pytest.skip("the other lane counts are built for one kind of scene")
+    import pyopencl as cl
+
+    gpu = open_device()
+    features = Features(lanes, rate != "scene", rate == "face", rate, packed, headlight=rate != "face")
+    built = cl.Program(gpu.context, source(path)).build(options=["-cl-std=CL1.2", *features.options()])
+    assert built.get_build_info(gpu.device, cl.program_build_info.LOG).strip() == ""
+
+
+def test_launches_are_by_name():
+    gpu = open_device()
+    kernel = program(gpu, "binning.cl", FEATURES)["bin_offsets"]
+    assert kernel.names == ("chunk_count", "tile_count", "counts", "tile_pairs")
+    with pytest.raises(TypeError, match="tile_pairs"):
+        launch(gpu, "x", kernel, 1, chunk_count=1, tile_count=1, counts=None)
+    with pytest.raises(TypeError, match="surplus"):
+        launch(gpu, "x", kernel, 1, chunk_count=1, tile_count=1, counts=None, tile_pairs=None, surplus=1)
+    assert program(gpu, "binning.cl", FEATURES)["bin_offsets"] is kernel
+
+
+def test_time_is_booked_by_stage_and_kernel():
+    gpu = open_device()
+    kernel = program(gpu, "binning.cl", FEATURES)["bin_offsets"]
+    buffer = gpu.buffer("x", 4 * GROUP)
+    for stage in ("one", "two", "two"):
+        launch(gpu, stage, kernel, GROUP, chunk_count=0, tile_count=0, counts=buffer, tile_pairs=buffer)
+    launch(gpu, "nothing", kernel, 0)
+    stages, kernels = device_seconds(gpu)
+    assert stages.keys() == {"one", "two"} and kernels.keys() == {"bin_offsets"}
+    assert kernels["bin_offsets"] == pytest.approx(sum(stages.values())) and kernels["bin_offsets"] > 0
+    assert device_seconds(gpu) == ({}, {})
