@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
     from clpeel.errors import NoDeviceError as NoDeviceError
+    from clpeel.loading import load as load
     from clpeel.renderer import Renderer as Renderer
     from clpeel.renderer import Result as Result
     from clpeel.renderer import render as render
     from clpeel.scene import Scene as Scene
-    from clpeel.scene import load as load
 
 __version__ = "0.1.0"
 
@@ -27,7 +27,7 @@ _HOMES = {
     "Renderer": "clpeel.renderer",
     "Result": "clpeel.renderer",
     "Scene": "clpeel.scene",
-    "load": "clpeel.scene",
+    "load": "clpeel.loading",
     "render": "clpeel.renderer",
 }
 

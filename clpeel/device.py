@@ -69,9 +69,7 @@ class Gpu:
             cl.enqueue_copy(self.queue, held, np.ascontiguousarray(array), is_blocking=True)
         return held
 
-    def get(
-        self, held: cl.Buffer, shape: int | tuple[int, ...], dtype: Any, offset: int = 0
-    ) -> np.ndarray[Any, Any]:
+    def get(self, held: cl.Buffer, shape: int | tuple[int, ...], dtype: Any, offset: int = 0) -> np.ndarray[Any, Any]:
         """The buffer's elements from `offset` bytes on; waits for the device."""
         array = np.empty(shape, dtype)
         cl.enqueue_copy(self.queue, array, held, src_offset=offset, is_blocking=True)

@@ -42,9 +42,6 @@ RUN_MAX = 64
 AMBIENT = 0.2
 """Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""
 
-DEFAULT_COLOR = (120, 150, 190, 255)
-"""RGBA of a mesh whose file gives no colour."""
-
 # Outcodes of a projected vertex: one bit for each clipping plane it lies outside of.
 OUT_NEAR, OUT_FAR, OUT_LEFT, OUT_RIGHT, OUT_TOP, OUT_BOTTOM, NOT_FINITE = (1 << bit for bit in range(7))
 

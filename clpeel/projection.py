@@ -17,6 +17,7 @@ STAGE = "projection"
 BOUNDS_BYTES = 8
 WEIGHTS_BYTES = 36
 
+
 @dataclass(frozen=True)
 class DeviceScene:
     """A scene's arrays on the device.
@@ -41,8 +42,8 @@ class DeviceScene:
 class Triangles:
     """Screen triangles, a record a face in submission order and CLIP_TRIANGLES more for each clipped face.
 
-    records: TRIANGLE [count]; bounds: uint16 [count, 4], the first and last pixel column and row (first > last: nothing to draw);
-    weights: float32 [count, 3, 3] for colours that vary over a face, else None.
+    records: TRIANGLE [count]; bounds: uint16 [count, 4], the first and last pixel column and row (first > last: nothing
+    to draw); weights: float32 [count, 3, 3] for colours that vary over a face, else None.
     """
 
     scene: DeviceScene

@@ -97,10 +97,11 @@ class Renderer:
         """Renders the scene.
 
         camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
-        `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, or None for straight alpha. lighting: "none" (colours
-        as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged (smooth edges). memory: bytes, or text such as "512M", that device buffers besides the scene and the
-        picture may take; by default a quarter of the device's. keep_color: whether the result has `color`.
-        progress: called with the share done (0..1) and a text. Raises InputError on any of these that cannot be.
+        `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, or None for straight alpha. lighting: "none"
+        (colours as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged, for smooth edges. memory:
+        bytes, or text such as "512M", that the scene and all buffers but the picture may take on the device; by default
+        a quarter of what it has. keep_color: whether the result has `color`. progress: called with the share done
+        (0..1) and a text. Raises InputError on any of these that cannot be.
         """
         started = time.perf_counter()
         gpu = self.gpu

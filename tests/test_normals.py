@@ -15,8 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clpeel.errors import InputError
+from clpeel.loading import load
 from clpeel.normals import _distinct, with_normals
-from clpeel.scene import Scene, load
+from clpeel.scene import Scene
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = Path(os.environ.get("CLPEEL_SHARED", ROOT.parent / "shared")) / "models"

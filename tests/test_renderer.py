@@ -51,7 +51,8 @@ def test_fragments_are_the_layers_of_all_pixels(scene):
 
 @pytest.mark.parametrize("lanes", [1, 64])
 def test_memory_changes_the_batches_and_not_the_picture(scene, lanes):
-    dense = clpeel.Scene.from_arrays(np.tile(scene.vertices, (20, 1)), np.arange(6000).reshape(-1, 3), color=(9, 9, 9, 9))
+    vertices, faces = np.tile(scene.vertices, (20, 1)), np.arange(6000).reshape(-1, 3)
+    dense = clpeel.Scene.from_arrays(vertices, faces, color=(9, 9, 9, 9))
     large = clpeel.render(dense, CAMERA, (150, 130), lanes=lanes)
     small = clpeel.render(dense, CAMERA, (150, 130), lanes=lanes, memory="1M")
     assert large.stats["batches"] == 1 and small.stats["batches"] > 1
@@ -107,8 +108,8 @@ def test_a_sphere_is_smooth_under_the_headlight():
     r2 = x[None, :] ** 2 + x[:, None] ** 2
     inside = r2 < 0.8
     expected = 0.2 + 0.8 * np.sqrt(1 - r2[inside])
-    # Edges of 9 degrees lie up to 1 - cos 4.5 = 0.003 inside the sphere; where the cosine is sqrt(0.2) that is worth 0.006
-    # of it, and interpolating the normals as much again. A facet's own normal would be off by sin 4.5 = 0.08.
+    # Edges of 9 degrees lie up to 1 - cos 4.5 = 0.003 inside the sphere; where the cosine is sqrt(0.2) that is worth
+    # 0.006 of it, and interpolating the normals as much again. A facet's own normal would be off by sin 4.5 = 0.08.
     assert np.abs(color[..., 0][inside] - expected).max() < 0.012
 
 
@@ -145,7 +146,7 @@ def test_a_scene_is_asked_for():
 
 @pytest.mark.parametrize(
     ("text", "nbytes"),
-    [("512M", 512 << 20), ("2G", 2 << 30), ("1.5g", 3 << 29), (1 << 20, 1 << 20), ("4096K", 4 << 20), ("1MiB", 1 << 20)],
+    [("512M", 512 << 20), ("2G", 2 << 30), ("1.5g", 3 << 29), (1 << 20, 1 << 20), ("4M", 4 << 20), ("1MiB", 1 << 20)],
 )
 def test_memory_in_words(text, nbytes):
     assert parse_memory(text) == nbytes

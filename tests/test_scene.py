@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from clpeel.errors import InputError
-from clpeel.scene import DEFAULT_COLOR, Positions, Scene, load
+from clpeel.loading import load
+from clpeel.scene import DEFAULT_COLOR, Positions, Scene
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -438,7 +439,7 @@ def test_text_stl_and_binary_stl_are_alike(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["ply", "stl"])
 def test_plain_files_need_no_trimesh(tmp_path: Path, kind: str) -> None:
     path = written(tetrahedron(), tmp_path / f"t.{kind}")
-    code = f"import sys; from clpeel.scene import load; load({str(path)!r}); sys.exit('trimesh' in sys.modules)"
+    code = f"import sys; from clpeel.loading import load; load({str(path)!r}); sys.exit('trimesh' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
 
 
