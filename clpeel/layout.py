@@ -27,8 +27,8 @@ TILE = 16
 
 TILE_PIXELS = TILE * TILE
 
-MAX_CLIP_VERTICES = 9
-"""A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners."""
+MAX_CLIP_VERTICES = 10
+"""A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners; one more for room."""
 
 CLIP_TRIANGLES = MAX_CLIP_VERTICES - 2
 """Records kept for the fan of one clipped triangle."""

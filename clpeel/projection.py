@@ -127,23 +127,23 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
         **points,
     )
 
-    clipped = -1
-    while True:  # a second round only where clipping needs more room than the buffers have
-        records = face_count + CLIP_TRIANGLES * max(clipped, 0)
+    faces = {"faces": scene.faces, "face_count": face_count}
+    records, outputs = face_count, dict[str, cl.Buffer | None]()
+    while True:  # a second round only where clipping needs more room than the buffers had
+        held = outputs
         outputs = {
             "triangles": gpu.buffer("triangles", records * TRIANGLE.itemsize),
             "bounds": gpu.buffer("bounds", records * BOUNDS_BYTES),
             "weights": gpu.buffer("weights", records * WEIGHTS_BYTES) if features.fragment_color else None,
         }
+        if held and all(outputs[name] is held[name] for name in outputs):
+            break
         counters = gpu.put("counters", np.zeros(1, COUNTERS))
-        faces = {"faces": scene.faces, "face_count": face_count}
         indexed = {**faces, "vertex_count": vertex_count, "vertices": vertices, "counters": counters}
         launch(gpu, STAGE, kernels["setup_triangles"], face_count, **indexed, **view, **outputs)
         counted = gpu.get(counters, 1, COUNTERS)[0]
-        needed = face_count + CLIP_TRIANGLES * int(counted["clipped"])
         clipped = int(counted["clipped"])
-        if needed * TRIANGLE.itemsize <= outputs["triangles"].size and needed * BOUNDS_BYTES <= outputs["bounds"].size:
-            break
+        records = face_count + CLIP_TRIANGLES * clipped
     if clipped:
         listed = gpu.buffer("clipped", clipped * 4)
         launch(gpu, STAGE, kernels["collect_clipped"], face_count, **indexed, clipped=listed)

@@ -221,10 +221,11 @@ INLINE Pair along(Pair from, Pair to, Pair t) { return pair_add(from, pair_mul(t
 
 // Sutherland and Hodgman's polygon clipping against one plane; cuts are made from inside to outside, so that two faces
 // that share an edge share its cut.
+// A convex polygon gains one corner at most; rounding can make one that is a sliver gain more, which `room` cuts short.
 static int clip_polygon(const ClipVertex *in, int count, int plane, float depth_far, ClipVertex *out)
 {
-    int kept = 0;
-    for (int k = 0; k < count; ++k) {
+    int kept = 0, room = MAX_CLIP_VERTICES - 1;
+    for (int k = 0; k < count && kept < room; ++k) {
         ClipVertex a = in[k], b = in[k + 1 < count ? k + 1 : 0];
         Pair da = plane_distance(plane, a, depth_far), db = plane_distance(plane, b, depth_far);
         bool a_in = da.high >= 0.0f, b_in = db.high >= 0.0f;
@@ -254,7 +255,7 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
     if (n >= clipped_count) return;
     uint source = clipped[n], first = face_count + n * CLIP_TRIANGLES;
     uint3 face = load_face(faces, source);
-    ClipVertex polygon[MAX_CLIP_VERTICES + 1], other[MAX_CLIP_VERTICES + 1];
+    ClipVertex polygon[MAX_CLIP_VERTICES], other[MAX_CLIP_VERTICES];
     polygon[0] = to_clip_space(matrix, positions, low_positions, face.x);
     polygon[1] = to_clip_space(matrix, positions, low_positions, face.y);
     polygon[2] = to_clip_space(matrix, positions, low_positions, face.z);
