@@ -22,6 +22,11 @@ NEAREST_SHARE = 1e-6
 has the same relative precision at every distance, so a near plane this close costs nothing."""
 
 
+PLANE_SLACK = 2.0**-22
+"""How far the clipping planes reach beyond their depths, relatively (orthographic: of the range). Three roundings to
+float32 lie between a point exactly on a plane and its depth: this much keeps it inside."""
+
+
 @dataclass(frozen=True)
 class Camera:
     """A camera in world units, as VTK's.
@@ -167,8 +172,8 @@ class Camera:
 
     def projection(
         self, scene_origin: NDArray[np.float64], scale: float, clipping: tuple[float, float], size: tuple[int, int]
-    ) -> tuple[NDArray[np.float32], float]:
-        """The kernels' matrix for positions (v - scene_origin) * scale, and the depth of the far plane.
+    ) -> tuple[NDArray[np.float32], float, float]:
+        """The kernels' matrix for positions (v - scene_origin) * scale, and the depths of the near and far planes.
 
         Returns float32 [4, 2, 4]: rows x, y, z, w of clip space (projection.cl), each as high and low parts; x and y
         are in subpixels times w from the image's centre, y down; z / w is the reversed depth, 1 at the near plane.
@@ -186,15 +191,15 @@ class Camera:
             per_unit = SUBPIXELS * height / 2 / (half * self.distance * scale)
             depth = row(forward, -1 / (far - near), far / (far - near))
             matrix = [row(right, per_unit), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
-            depth_far = 0.0
+            depth_far = -PLANE_SLACK
         else:
             per_unit = SUBPIXELS * height / 2 / half
             matrix = [row(right, per_unit), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
-            depth_far = near / far
+            depth_far = near / far * (1 - PLANE_SLACK)
         exact = np.array(matrix, np.float64)
         high = exact.astype(np.float32)
         low = (exact - high).astype(np.float32)
-        return np.stack([high, low], axis=1), float(np.float32(depth_far))
+        return np.stack([high, low], axis=1), 1 + PLANE_SLACK, float(np.float32(depth_far))
 
 
 def vector3(name: str, value: Vector) -> NDArray[np.float64]:

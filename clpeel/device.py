@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import pyopencl as cl
 
+from clpeel.cache import ensure_cache
 from clpeel.errors import InputError, NoDeviceError
+
+ensure_cache()
+import pyopencl as cl  # noqa: E402
 
 INSTALL_HINT = (
     "no OpenCL device found: install one with 'pip install pocl-binary-distribution' (x86-64 Linux) "

@@ -7,6 +7,8 @@ import warnings
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,14 @@ class Kernel:
     scalars: tuple[Any, ...]  # the NumPy type of each scalar argument, None for buffers
 
 
+def kernel_folder() -> Traversable:
+    """Where the kernel files are: in the installed package, or beside it in a copy of the repository."""
+    try:
+        return resources.files("clpeel.kernels")
+    except ModuleNotFoundError:
+        return Path(__file__).parent.parent / "kernels"
+
+
 @cache
 def source(path: str) -> str:
     """The text of a kernel file, its includes put in once each where they are first asked for."""
@@ -43,7 +53,7 @@ def source(path: str) -> str:
         if name in seen:
             return ""
         seen.add(name)
-        text = resources.files("clpeel.kernels").joinpath(*name.split("/")).read_text(encoding="utf-8")
+        text = kernel_folder().joinpath(*name.split("/")).read_text(encoding="utf-8")
         return _INCLUDE.sub(lambda match: expand(match[1]), text)
 
     return declarations() + expand(path)

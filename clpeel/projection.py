@@ -107,7 +107,7 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
     kernels = program(gpu, "projection.cl", features)
     host = scene.scene
     vertex_count, face_count = len(host.vertices), len(host.faces)
-    matrix, depth_far = camera.projection(scene.grid.origin, scene.grid.scale, camera.fitted_range(host), size)
+    matrix, depth_near, depth_far = camera.projection(scene.grid.origin, scene.grid.scale, camera.fitted_range(host), size)
     vertices = gpu.buffer("vertices", (vertex_count + GROUP) * VERTEX.itemsize)
     matrix_buffer = gpu.put("matrix", matrix)
     view = {"width": size[0], "height": size[1]}
@@ -115,6 +115,7 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
         "positions": scene.positions,
         "low_positions": scene.low_positions,
         "matrix": matrix_buffer,
+        "depth_near": depth_near,
         "depth_far": depth_far,
     }
     launch(

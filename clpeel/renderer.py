@@ -109,6 +109,7 @@ class Renderer:
         size = checked_size(size)
         over = checked_background(background)
         side = checked_samples(samples, size)
+        check_picture_fits(size, keep_color)
         limit = gpu.default_memory if memory is None else parse_memory(memory)
         if camera is None:
             camera = Camera.frame(self.scene, aspect=size[0] / size[1])
@@ -200,6 +201,16 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise InputError(f"size: expected 1..{MAX_SIDE} pixels a side, got {size[0]} x {size[1]}")
     return width, height
+
+
+def check_picture_fits(size: tuple[int, int], keep_color: bool) -> None:
+    """InputError where the host's memory cannot hold the picture."""
+    needed = size[0] * size[1] * (20 if keep_color else 4)
+    if hasattr(os, "sysconf") and needed > (held := os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")):
+        raise InputError(
+            f"size: expected a picture that fits the memory of {held / 2**30:.1f} GiB, "
+            f"got {size[0]} x {size[1]}, which takes {needed / 2**30:.1f} GiB"
+        )
 
 
 def checked_samples(samples: int, size: tuple[int, int]) -> int:

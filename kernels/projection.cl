@@ -6,7 +6,8 @@
 //   clip_triangles      one work-item a clipped face: its fan, in records of its own behind all others
 //
 // Clip space: x, y are in subpixels times w, from the image's centre, y down; depth = z / w is reversed.
-// Inside is  z <= w (near),  z >= depth_far * w (far),  |x|, |y| <= GUARD_BAND * w.
+// Inside is  z <= depth_near * w,  z >= depth_far * w,  |x|, |y| <= GUARD_BAND * w.  The depths of the two planes reach
+// 2^-22 beyond 1 and the far one's (camera.py), so that what lies exactly on them is inside whatever the rounding.
 #include "common.h"
 
 typedef struct { Pair x, y, z, w; float3 weight; } ClipVertex;
@@ -41,13 +42,15 @@ INLINE ClipVertex to_clip_space(global const float *matrix, global const float *
     return v;
 }
 
-// Signed distance inside plane k (OUT_NEAR is plane 0), linear in clip space.
-INLINE Pair plane_distance(int plane, ClipVertex v, float depth_far)
+typedef struct { float near, far; } DepthRange;
+
+// Signed distance inside plane k (its outcode is 1 << k), linear in clip space.
+INLINE Pair plane_distance(int plane, ClipVertex v, DepthRange depth)
 {
     Pair guard = pair_of(v.w.high * GUARD_BAND, v.w.low * GUARD_BAND);
     switch (plane) {
-    case 0: return pair_sub(v.w, v.z);
-    case 1: return pair_sub(v.z, pair_mul(v.w, pair_of(depth_far, 0.0f)));
+    case 0: return pair_sub(pair_mul(v.w, pair_of(depth.near, 0.0f)), v.z);
+    case 1: return pair_sub(v.z, pair_mul(v.w, pair_of(depth.far, 0.0f)));
     case 2: return pair_add(guard, v.x);
     case 3: return pair_sub(guard, v.x);
     case 4: return pair_add(guard, v.y);
@@ -55,12 +58,26 @@ INLINE Pair plane_distance(int plane, ClipVertex v, float depth_far)
     }
 }
 
+// A point that is on plane k but for rounding, put there: far outside, the rounding can be larger than the picture.
+INLINE void put_on_plane(int plane, ClipVertex *v, DepthRange depth)
+{
+    Pair guard = pair_of(v->w.high * GUARD_BAND, v->w.low * GUARD_BAND);
+    switch (plane) {
+    case 0: v->z = pair_mul(v->w, pair_of(depth.near, 0.0f)); break;
+    case 1: v->z = pair_mul(v->w, pair_of(depth.far, 0.0f)); break;
+    case 2: v->x = pair_of(-guard.high, -guard.low); break;
+    case 3: v->x = guard; break;
+    case 4: v->y = pair_of(-guard.high, -guard.low); break;
+    default: v->y = guard;
+    }
+}
+
 // Which planes a vertex is outside of. Rounded once more than plane_distance(): a vertex on a plane to within a rounding
 // may be called outside by one and inside by the other, and is then cut at its own place.
-INLINE uint outcode_of(ClipVertex v, float depth_far)
+INLINE uint outcode_of(ClipVertex v, DepthRange depth)
 {
     float guard = v.w.high * GUARD_BAND;
-    return (v.z.high > v.w.high ? OUT_NEAR : 0u) | (v.z.high < v.w.high * depth_far ? OUT_FAR : 0u) |
+    return (v.z.high > v.w.high * depth.near ? OUT_NEAR : 0u) | (v.z.high < v.w.high * depth.far ? OUT_FAR : 0u) |
            (v.x.high < -guard ? OUT_LEFT : 0u) | (v.x.high > guard ? OUT_RIGHT : 0u) |
            (v.y.high < -guard ? OUT_TOP : 0u) | (v.y.high > guard ? OUT_BOTTOM : 0u);
 }
@@ -87,8 +104,10 @@ INLINE Vertex to_screen(ClipVertex c)
 
 // No branches, so that items run side by side: past the end the last vertex is done again, into padding.
 kernel void project_vertices(global const float *positions, global const float *low_positions,
-                             global const float *matrix, float depth_far, uint vertex_count, global Vertex *vertices)
+                             global const float *matrix, float depth_near, float depth_far, uint vertex_count,
+                             global Vertex *vertices)
 {
+    const DepthRange depth = {depth_near, depth_far};
     uint i = get_global_id(0), from = MIN(i, vertex_count - 1);
     ClipVertex c = to_clip_space(matrix, positions, low_positions, from);
     // A NaN or infinity anywhere makes this sum one: positions are below 2^61, so it cannot overflow by itself.
@@ -100,7 +119,7 @@ kernel void project_vertices(global const float *positions, global const float *
     vertices[i].offset_x = v.offset_x;
     vertices[i].offset_y = v.offset_y;
     vertices[i].depth = v.depth;
-    vertices[i].outcode = is_finite((p.x + p.y) + p.z) ? outcode_of(c, depth_far) : NOT_FINITE;
+    vertices[i].outcode = is_finite((p.x + p.y) + p.z) ? outcode_of(c, depth) : NOT_FINITE;
 }
 
 // The record of a triangle with these corners; false when it covers no sample.
@@ -108,17 +127,26 @@ kernel void project_vertices(global const float *positions, global const float *
 // Depth is linear over the screen. Snapping moves the corners by up to 1/512 pixel, so the plane is evaluated at the
 // snapped corners: where triangles cross, the picture is then that of the exact triangles. The same matrix `moved`
 // (barycentric coordinates of the exact triangle at the snapped corners) carries colours and normals over.
-INLINE bool make_triangle(const Vertex *corner, uint source, int width, int height, Triangle *triangle, ushort4 *bounds,
+//
+// The corners are first put into one order, whichever the face gave them in: positive area with y down, the topmost (then
+// leftmost) first. Coincident faces then have the same depths to the bit, and stay in submission order.
+INLINE bool make_triangle(const Vertex *given, uint source, int width, int height, Triangle *triangle, ushort4 *bounds,
                           float moved[3][3], int order[3])
 {
-    int2 a = (int2)(corner[1].x - corner[0].x, corner[1].y - corner[0].y);
-    int2 b = (int2)(corner[2].x - corner[0].x, corner[2].y - corner[0].y);
+    int first = 0;
+    for (int k = 1; k < 3; ++k)
+        if (given[k].y < given[first].y || (given[k].y == given[first].y && given[k].x < given[first].x)) first = k;
+    int second = first < 2 ? first + 1 : 0, third = first > 0 ? first - 1 : 2;
+    int2 a = (int2)(given[second].x - given[first].x, given[second].y - given[first].y);
+    int2 b = (int2)(given[third].x - given[first].x, given[third].y - given[first].y);
     long area = (long)a.x * b.y - (long)b.x * a.y;
     bool flip = area < 0;
-    order[0] = 0, order[1] = flip ? 2 : 1, order[2] = flip ? 1 : 2;
+    order[0] = first, order[1] = flip ? third : second, order[2] = flip ? second : third;
+    const Vertex c0 = given[order[0]], c1 = given[order[1]], c2 = given[order[2]];
+    area = flip ? -area : area;
 
-    int x_min = MIN(corner[0].x, MIN(corner[1].x, corner[2].x)), x_max = MAX(corner[0].x, MAX(corner[1].x, corner[2].x));
-    int y_min = MIN(corner[0].y, MIN(corner[1].y, corner[2].y)), y_max = MAX(corner[0].y, MAX(corner[1].y, corner[2].y));
+    int x_min = MIN(c0.x, MIN(c1.x, c2.x)), x_max = MAX(c0.x, MAX(c1.x, c2.x));
+    int y_min = c0.y, y_max = MAX(c1.y, c2.y);
     int left = MAX(first_pixel(x_min, width), 0), right = MIN(last_pixel(x_max, width), width - 1);
     int top = MAX(first_pixel(y_min, height), 0), bottom = MIN(last_pixel(y_max, height), height - 1);
     if (area == 0 || left > right || top > bottom) {
@@ -127,50 +155,43 @@ INLINE bool make_triangle(const Vertex *corner, uint source, int width, int heig
     }
     *bounds = (ushort4)(left, right, top, bottom);
 
-    // The exact corners relative to the first snapped one, and the gradients of the barycentric coordinates 1 and 2.
-    float2 o0 = (float2)(corner[0].offset_x, corner[0].offset_y);
-    float2 o1 = (float2)(corner[1].offset_x, corner[1].offset_y);
-    float2 o2 = (float2)(corner[2].offset_x, corner[2].offset_y);
-    float2 e = (float2)((float)a.x, (float)a.y) + (o1 - o0);
-    float2 f = (float2)((float)b.x, (float)b.y) + (o2 - o0);
+    // The exact corners relative to the first, and the gradients of the barycentric coordinates 1 and 2.
+    float2 e = (float2)((float)(c1.x - c0.x) + (c1.offset_x - c0.offset_x),
+                        (float)(c1.y - c0.y) + (c1.offset_y - c0.offset_y));
+    float2 f = (float2)((float)(c2.x - c0.x) + (c2.offset_x - c0.offset_x),
+                        (float)(c2.y - c0.y) + (c2.offset_y - c0.offset_y));
     float exact_area = e.x * f.y - f.x * e.y;
     float2 g1 = (float2)(f.y, -f.x) / exact_area, g2 = (float2)(-e.y, e.x) / exact_area;
     // A sliver that snapping turned over has no use for its gradients: leave it as it is.
-    bool sound = flip ? exact_area < 0.0f : exact_area > 0.0f;
-    if (!sound || !is_finite((g1.x + g1.y) + (g2.x + g2.y))) g1 = g2 = (float2)(0.0f);
-    for (int i = 0; i < 3; ++i) {
-        float2 o = i == 0 ? o0 : i == 1 ? o1 : o2;
-        float m1 = -(g1.x * o.x + g1.y * o.y), m2 = -(g2.x * o.x + g2.y * o.y);
-        moved[i][0] = (i == 0 ? 1.0f : 0.0f) - (m1 + m2);
-        moved[i][1] = (i == 1 ? 1.0f : 0.0f) + m1;
-        moved[i][2] = (i == 2 ? 1.0f : 0.0f) + m2;
-    }
-    // d0 + m1 (d1 - d0) + m2 (d2 - d0), written so that no shift leaves the depth's bits as they were.
+    if (!(exact_area > 0.0f) || !is_finite((g1.x + g1.y) + (g2.x + g2.y))) g1 = g2 = (float2)(0.0f);
     for (int k = 0; k < 3; ++k) {
-        int i = order[k];
-        float2 o = i == 0 ? o0 : i == 1 ? o1 : o2;
-        float m1 = -(g1.x * o.x + g1.y * o.y), m2 = -(g2.x * o.x + g2.y * o.y);
-        triangle->x[k] = corner[i].x;
-        triangle->y[k] = corner[i].y;
-        triangle->depth[k] = corner[i].depth + (m1 * (corner[1].depth - corner[0].depth) +
-                                                m2 * (corner[2].depth - corner[0].depth));
+        const Vertex c = k == 0 ? c0 : k == 1 ? c1 : c2;
+        float m1 = -(g1.x * c.offset_x + g1.y * c.offset_y), m2 = -(g2.x * c.offset_x + g2.y * c.offset_y);
+        moved[k][0] = (k == 0 ? 1.0f : 0.0f) - (m1 + m2);
+        moved[k][1] = (k == 1 ? 1.0f : 0.0f) + m1;
+        moved[k][2] = (k == 2 ? 1.0f : 0.0f) + m2;
+        triangle->x[k] = c.x;
+        triangle->y[k] = c.y;
+        // Written so that no shift leaves the depth's bits as they were.
+        triangle->depth[k] = c.depth + (m1 * (c1.depth - c0.depth) + m2 * (c2.depth - c0.depth));
     }
-    triangle->depth_min = MIN(corner[0].depth, MIN(corner[1].depth, corner[2].depth));
-    triangle->depth_max = MAX(corner[0].depth, MAX(corner[1].depth, corner[2].depth));
-    triangle->inverse_area = 1.0f / (float)(flip ? -area : area);
+    triangle->depth_min = MIN(c0.depth, MIN(c1.depth, c2.depth));
+    triangle->depth_max = MAX(c0.depth, MAX(c1.depth, c2.depth));
+    triangle->inverse_area = 1.0f / (float)area;
     triangle->source = source;
     triangle->small = MAX(x_max - x_min, y_max - y_min) < SMALL_EXTENT;
     return true;
 }
 
 // weights[3 k + j]: share of the face's vertex j at corner k, over w, so that interpolation is perspective-correct.
+// share[i][j]: the same at the given corner i.
 INLINE void store_weights(global float *weights, uint record, float moved[3][3], const int order[3],
                           const float share[3][3])
 {
     for (int k = 0; k < 3; ++k)
         for (int j = 0; j < 3; ++j) {
             float sum = 0.0f;
-            for (int i = 0; i < 3; ++i) sum += moved[order[k]][i] * share[i][j];
+            for (int i = 0; i < 3; ++i) sum += moved[k][i] * share[order[i]][j];
             weights[9 * record + 3 * k + j] = sum;
         }
 }
@@ -222,12 +243,12 @@ INLINE Pair along(Pair from, Pair to, Pair t) { return pair_add(from, pair_mul(t
 // Sutherland and Hodgman's polygon clipping against one plane; cuts are made from inside to outside, so that two faces
 // that share an edge share its cut.
 // A convex polygon gains one corner at most; rounding can make one that is a sliver gain more, which `room` cuts short.
-static int clip_polygon(const ClipVertex *in, int count, int plane, float depth_far, ClipVertex *out)
+static int clip_polygon(const ClipVertex *in, int count, int plane, DepthRange depth, ClipVertex *out)
 {
     int kept = 0, room = MAX_CLIP_VERTICES - 1;
     for (int k = 0; k < count && kept < room; ++k) {
         ClipVertex a = in[k], b = in[k + 1 < count ? k + 1 : 0];
-        Pair da = plane_distance(plane, a, depth_far), db = plane_distance(plane, b, depth_far);
+        Pair da = plane_distance(plane, a, depth), db = plane_distance(plane, b, depth);
         bool a_in = da.high >= 0.0f, b_in = db.high >= 0.0f;
         if (a_in) out[kept++] = a;
         if (a_in == b_in) continue;
@@ -240,7 +261,7 @@ static int clip_polygon(const ClipVertex *in, int count, int plane, float depth_
         ClipVertex cut;
         cut.x = along(a.x, b.x, t), cut.y = along(a.y, b.y, t), cut.z = along(a.z, b.z, t), cut.w = along(a.w, b.w, t);
         cut.weight = a.weight + t.high * (b.weight - a.weight);
-        if (plane == 0) cut.z = cut.w;  // on the near plane, whatever the rounding
+        put_on_plane(plane, &cut, depth);
         out[kept++] = cut;
     }
     return kept;
@@ -248,11 +269,12 @@ static int clip_polygon(const ClipVertex *in, int count, int plane, float depth_
 
 kernel void clip_triangles(global const uint *clipped, uint clipped_count, global const uint *faces, uint face_count,
                            global const float *positions, global const float *low_positions,
-                           global const float *matrix, float depth_far, int width, int height,
+                           global const float *matrix, float depth_near, float depth_far, int width, int height,
                            global Triangle *triangles, global ushort4 *bounds, global float *weights)
 {
     uint n = get_global_id(0);
     if (n >= clipped_count) return;
+    const DepthRange depth = {depth_near, depth_far};
     uint source = clipped[n], first = face_count + n * CLIP_TRIANGLES;
     uint3 face = load_face(faces, source);
     ClipVertex polygon[MAX_CLIP_VERTICES], other[MAX_CLIP_VERTICES];
@@ -264,7 +286,7 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
     polygon[2].weight = (float3)(0.0f, 0.0f, 1.0f);
     int count = 3;
     for (int plane = 0; plane < 6; ++plane) {
-        count = clip_polygon(polygon, count, plane, depth_far, other);
+        count = clip_polygon(polygon, count, plane, depth, other);
         for (int k = 0; k < count; ++k) polygon[k] = other[k];
     }
     for (int k = 0; k < CLIP_TRIANGLES; ++k) {

@@ -26,7 +26,7 @@ def test_the_matrix_is_the_projection(position, focal, up, angle, orthographic, 
     assume(np.linalg.norm(view) > 1e-3 and np.linalg.norm(np.cross(view, up)) > 1e-2 * np.linalg.norm(view))
     camera = clpeel.Camera(position, focal, up, angle, (0.1, 1000.0), orthographic)
     origin, scale = np.array([1.0, -2.0, 3.0]), 0.5
-    matrix, depth_far = camera.projection(origin, scale, (0.1, 1000.0), (640, 480))
+    matrix, depth_near, depth_far = camera.projection(origin, scale, (0.1, 1000.0), (640, 480))
     rows = matrix.astype(np.float64).sum(axis=1)
     x, y, z, w = rows @ [*((np.array(point) - origin) * scale), 1.0]
     exact_x, exact_y, distance = twins.screen(np.array([point]), camera, (640, 480))[0]
@@ -35,10 +35,11 @@ def test_the_matrix_is_the_projection(position, focal, up, angle, orthographic, 
     assert x / w == pytest.approx(exact_x, rel=1e-9, abs=slack)
     assert y / w == pytest.approx(exact_y, rel=1e-9, abs=slack)
     if orthographic:
-        assert (z / w, depth_far) == (pytest.approx((1000 - distance) / (1000 - 0.1), abs=1e-9), 0.0)
+        assert z / w == pytest.approx((1000 - distance) / (1000 - 0.1), abs=1e-9)
+        assert (depth_near, depth_far) == (1 + 2.0**-22, -(2.0**-22))
     else:
         assert z / w == pytest.approx(0.1 / distance, rel=1e-6, abs=1e-12)
-        assert depth_far == np.float32(1e-4)
+        assert (depth_near, depth_far) == (1 + 2.0**-22, np.float32(1e-4 * (1 - 2.0**-22)))
 
 
 @pytest.mark.parametrize("orthographic", [False, True])

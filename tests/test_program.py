@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import re
-from importlib import resources
 
 import pytest
 
 from clpeel.device import open_device
 from clpeel.layout import Features
-from clpeel.program import GROUP, device_seconds, launch, program, source
+from clpeel.program import GROUP, device_seconds, kernel_folder, launch, program, source
 
 FEATURES = Features(1, True, False, "face", True, False)
 FILES = [
     path
     for folder in ("", "techniques/")
-    for path in (
-        folder + entry.name for entry in resources.files("clpeel.kernels").joinpath(folder or ".").iterdir()
-    )
+    for path in (folder + entry.name for entry in kernel_folder().joinpath(folder or ".").iterdir())
     if path.endswith(".cl")
 ]
 

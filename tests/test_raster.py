@@ -47,14 +47,16 @@ def fragments_of(vertices, size, lanes=1, capacity=1 << 24, camera=None):
                         place = tile // columns * TILE + p // TILE, tile % columns * TILE + p % TILE
                         assert place not in found
                         found[place] = [(int(f >> np.uint64(32)), int(f & np.uint64(0xFFFFFFFF))) for f in run]
-    return found, corners_of(vertices, camera, size, gpu.get(triangles.records, triangles.faces, TRIANGLE)), windows
+    rows = gpu.get(triangles.records, triangles.faces, TRIANGLE)
+    bounds = gpu.get(triangles.bounds, (triangles.faces, 4), np.uint16)
+    return found, corners_of(vertices, camera, size, rows, bounds[:, 0] <= bounds[:, 1]), windows
 
 
-def corners_of(vertices, camera, size, rows):
+def corners_of(vertices, camera, size, rows, drawn):
     """Snapped corners int64 [m, 2, 3]: by float64, and by the record where a rounding could go either way."""
     exact = twins.screen(vertices, camera, size)[:, :2].reshape(-1, 3, 2).transpose(0, 2, 1)
     corners = np.rint(exact).astype(np.int64)
-    for face in np.flatnonzero((np.abs(np.abs(exact - corners) - 0.5) < 1e-3).any(axis=(1, 2))):
+    for face in np.flatnonzero(drawn & (np.abs(np.abs(exact - corners) - 0.5) < 1e-3).any(axis=(1, 2))):
         corners[face] = rows["x"][face], rows["y"][face]
     return corners
 

@@ -118,6 +118,7 @@ def test_a_sphere_is_smooth_under_the_headlight():
     [
         ({"size": (0, 5)}, "size: expected 1..65536 pixels a side, got 0 x 5"),
         ({"size": (5, 70000)}, "size: expected 1..65536"),
+        ({"size": (65536, 65536)}, "size: expected a picture that fits the memory"),
         ({"size": (5,)}, r"size: expected \(width, height\)"),
         ({"size": (5.5, 5)}, "size: expected 1..65536"),
         ({"size": ("a", 5)}, r"size: expected \(width, height\)"),
