@@ -107,7 +107,8 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
     kernels = program(gpu, "projection.cl", features)
     host = scene.scene
     vertex_count, face_count = len(host.vertices), len(host.faces)
-    matrix, depth_near, depth_far = camera.projection(scene.grid.origin, scene.grid.scale, camera.fitted_range(host), size)
+    clipping = camera.fitted_range(host)
+    matrix, depth_near, depth_far = camera.projection(scene.grid.origin, scene.grid.scale, clipping, size)
     vertices = gpu.buffer("vertices", (vertex_count + GROUP) * VERTEX.itemsize)
     matrix_buffer = gpu.put("matrix", matrix)
     view = {"width": size[0], "height": size[1]}

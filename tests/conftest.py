@@ -110,9 +110,9 @@ class Judge:
         error = np.abs(result.color - want).max(axis=2)
         bad = ~(error <= np.broadcast_to(bound, error.shape))
         if bad.any():
-            pictures = (reference.image(color, (0.0, 0.0, 0.0)) for color in (result.color, want))
+            got, wanted = (reference.image(color, (0.0, 0.0, 0.0)) for color in (result.color, want))
             worst = np.unravel_index(np.nanargmax(np.where(bad, error, -1)), error.shape)
-            self.fail(f"{reason}, worst {error[worst]:.3g} at {tuple(map(int, worst))}", *pictures, bad)
+            self.fail(f"{reason}, worst {error[worst]:.3g} at {tuple(map(int, worst))}", got, wanted, bad)
 
     def image(self, result: Any, background: tuple[float, float, float] | None) -> None:
         """result.image is its result.color over the background, x 255 + 0.5 and clamped, but for halves float32 misses.

@@ -207,7 +207,8 @@ def blend(weights: Floats, values: Floats) -> Floats:
 def samples(pixel: Integers, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Screen coordinates of pixels' samples."""
     width, height = size
-    return pixel % width + 0.5 - width / 2, pixel // width + 0.5 - height / 2
+    column, row = (pixel % width).astype(np.float64), (pixel // width).astype(np.float64)
+    return column + (0.5 - width / 2), row + (0.5 - height / 2)
 
 
 def cast(projected: Projected, size: tuple[int, int]) -> tuple[Integers, Integers, Floats]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ FLAT = replace(ASIDE, orthographic=True)
 VIEWS = {"front": BENCH, "aside": ASIDE, "orthographic": FLAT}
 
 
-def render(soup: Soup, view: Eye, size: tuple[int, int], lanes: int, **options: object) -> clpeel.Result:
+def render(soup: Soup, view: Eye, size: tuple[int, int], lanes: int, **options: Any) -> clpeel.Result:
     """clpeel's picture of a soup."""
     return clpeel.render(soup.scene(), view.camera(), size=size, lanes=lanes, **options)
 
@@ -82,7 +82,7 @@ def test_bench_scenes(name: str, options: dict[str, int], lanes: int, judge: Jud
     assert twin.layers.max() >= 10
 
 
-def test_models(lanes: int, judge: Judge, model: Callable[[str], object]) -> None:
+def test_models(lanes: int, judge: Judge, model: Callable[[str], Any]) -> None:
     scene = clpeel.load(model("bunny.ply"), opacity=0.6, color=(230, 77, 51))
     camera = clpeel.Camera.frame(scene, aspect=1.0)
     camera = replace(camera, clipping_range=(camera.distance / 10, camera.distance * 10))
@@ -138,7 +138,7 @@ def test_a_renderer_that_drew_before(lanes: int, judge: Judge) -> None:
     # The near and the far plane cut a good part of the faces, which then need room of their own.
     cut = Eye((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), view_angle=120.0, clipping_range=(0.95, 0.999)).camera()
     front = BENCH.camera()
-    calls: list[dict[str, object]] = [
+    calls: list[dict[str, Any]] = [
         {"camera": camera, "size": size, "lighting": lighting}
         for size in ((20, 20), (90, 70), (33, 5))
         for lighting in ("none", "headlight")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -212,7 +213,8 @@ def test_the_bound_is_kept_by_a_float32_loop() -> None:
         rgba = rng.integers(0, 256, (count, 4)).astype(np.uint8)
         rgba[:, 3] = rng.choice([1, 3, 50, 255], p=[0.5, 0.3, 0.15, 0.05], size=count)
         exact, bound = reference.composite(np.zeros(count, np.int64), rgba / 255.0, (1, 1))
-        color, clear = np.zeros(4, np.float32), np.float32(1)
+        color: Any = np.zeros(4, np.float32)
+        clear = np.float32(1)
         for r, g, b, a in (rgba / np.float32(255)).astype(np.float32):
             color = color + clear * np.array([a * r, a * g, a * b, a])
             clear = clear * (np.float32(1) - a)

@@ -62,7 +62,7 @@ def test_pixels_of_a_tile_have_lengths_of_their_own(lanes: int, judge: Judge) ->
     corners[..., 0] = np.stack([left, left, left + 400], -1)
     corners[..., 1] = [-200, 200, 0]
     corners[..., 2] = depth[:, None]
-    colors = rng.random((count, 4)).astype(np.float32) * np.float32([1, 1, 1, 0.2])
+    colors = rng.random((count, 4)).astype(np.float32) * np.array([1, 1, 1, 0.2], np.float32)
     view = soups.pixel_view(10)
     result = clpeel.render(soups.separate(corners, colors).scene(), view.camera(), size=(width, 10), lanes=lanes)
     for column in range(width):
@@ -76,7 +76,7 @@ def test_windows_within_a_tile_change_nothing(colors: str, lanes: int, judge: Ju
     """One tile with more fragments than the memory holds at once is drawn in runs of its pixels."""
     count = 900
     rng = np.random.default_rng(6)
-    painted: Any = rng.random((count, 4)).astype(np.float32) * np.float32([1, 1, 1, 0.05])
+    painted: Any = rng.random((count, 4)).astype(np.float32) * np.array([1, 1, 1, 0.05], np.float32)
     if colors == "flat8":
         painted = np.round(painted * 255).astype(np.uint8)
     soup = soups.stack(rng.uniform(1, 7, count), painted)
