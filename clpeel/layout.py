@@ -67,9 +67,11 @@ TRIANGLE = np.dtype(
         ("inverse_area", np.float32),  # 1 / twice the area in square subpixels
         ("source", np.uint32),  # submission index: the face it comes from
         ("small", np.uint32),  # whether its edge functions fit 32 bits (SMALL_EXTENT)
+        ("left_right", np.uint32),  # its bounds again: first column | last column << 16
+        ("top_bottom", np.uint32),  # first row | last row << 16
     ]
 )
-"""What the rasterizer needs of a triangle."""
+"""What the rasterizer needs of a triangle: 64 bytes, a cache line."""
 
 COUNTERS = np.dtype([("discarded", np.uint32), ("clipped", np.uint32), ("collected", np.uint32)])
 """What projection counts."""

@@ -64,7 +64,6 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
     tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
     shared = {
         "triangles": triangles.records,
-        "bounds": triangles.bounds,
         "pair_start": batch.pair_start,
         "pairs": batch.pairs,
         "first_tile": batch.first_tile,

@@ -27,6 +27,15 @@
 #define CONVERT(type, count, value) PASTE(convert_, PASTE(type, count))(value)
 #endif
 
+// A list names records that lie far apart: asks for one some places ahead, so that it is there in time. Worth it where a
+// lane works alone; a GPU has other lanes to turn to.
+#if LANES == 1 && __has_builtin(__builtin_prefetch)
+#define PREFETCH(address) __builtin_prefetch((const void *)(size_t)(address))
+#else
+#define PREFETCH(address)
+#endif
+#define PREFETCH_DISTANCE 8
+
 // Nearest whole number, halves towards zero, |value| < 2^31.
 INLINE int nearest(float value)
 {

@@ -154,6 +154,8 @@ INLINE bool make_triangle(const Vertex *given, uint source, int width, int heigh
         return false;
     }
     *bounds = (ushort4)(left, right, top, bottom);
+    triangle->left_right = (uint)left | (uint)right << 16;
+    triangle->top_bottom = (uint)top | (uint)bottom << 16;
 
     // The exact corners relative to the first, and the gradients of the barycentric coordinates 1 and 2.
     float2 e = (float2)((float)(c1.x - c0.x) + (c1.offset_x - c0.offset_x),

@@ -34,40 +34,55 @@ typedef struct {
     bool small;  // E fits 32 bits all over the tile
 } Walk;
 
-INLINE Walk walk_of(global const Triangle *t, ushort4 bounds, int tile_x, int tile_y)
+INLINE Walk walk_of(global const Triangle *t, int tile_x, int tile_y)
 {
     Walk w;
     w.edge[0] = edge_of(t, 1, 2), w.edge[1] = edge_of(t, 2, 0), w.edge[2] = edge_of(t, 0, 1);
-    w.left = MAX(bounds.x - tile_x, 0), w.right = MIN(bounds.y - tile_x, TILE - 1);
-    w.top = MAX(bounds.z - tile_y, 0), w.bottom = MIN(bounds.w - tile_y, TILE - 1);
+    int left = t->left_right & 0xFFFF, right = t->left_right >> 16;
+    int top = t->top_bottom & 0xFFFF, bottom = t->top_bottom >> 16;
+    w.left = MAX(left - tile_x, 0), w.right = MIN(right - tile_x, TILE - 1);
+    w.top = MAX(top - tile_y, 0), w.bottom = MIN(bottom - tile_y, TILE - 1);
     w.small = t->small;
     return w;
 }
 
-// E at a strip's samples, in 32 bits where proven to fit and in 64 elsewhere: the same integers either way.
+// What a lane tests at once is a block of STRIP samples: a strip of a row, `columns` right of its first sample. A lane that
+// has the tile to itself takes a record no larger than 4 x 4 pixels, as most of a fine mesh are, in one square block
+// from the record's own corner instead.
+#define STRIP_COLUMNS (VECTOR(int))(IOTA)
+#define STRIP_ROWS (VECTOR(int))(0)
+#if LANES == 1
+#define SQUARE 4
+#define SQUARE_COLUMNS (STRIP_COLUMNS & (VECTOR(int))(SQUARE - 1))
+#define SQUARE_ROWS (STRIP_COLUMNS / (VECTOR(int))(SQUARE))
+INLINE bool is_square(const Walk *w) { return w->right - w->left < SQUARE && w->bottom - w->top < SQUARE; }
+#endif
+
+// E at a block's samples, in 32 bits where proven to fit and in 64 elsewhere: the same integers either way.
 #define DEFINE_EDGE_VALUES(name, integer)                                                                       \
-    INLINE VECTOR(integer) name(Edge e, int x, int y)                                                    \
+    INLINE VECTOR(integer) name(Edge e, int x, int y, VECTOR(integer) columns, VECTOR(integer) rows)            \
     {                                                                                                           \
         integer first = (integer)e.dx * (y - e.y) - (integer)e.dy * (x - e.x);                                  \
-        return (VECTOR(integer))(first) - (VECTOR(integer))((integer)e.dy * SUBPIXELS) * (VECTOR(integer))(IOTA); \
+        return (VECTOR(integer))(first) + ((VECTOR(integer))((integer)e.dx * SUBPIXELS) * rows -                \
+                                           (VECTOR(integer))((integer)e.dy * SUBPIXELS) * columns);             \
     }
 DEFINE_EDGE_VALUES(edge_values_small, int)
 DEFINE_EDGE_VALUES(edge_values_large, long)
 
-// Coverage of a strip, -1 or 0 a pixel, and the barycentric weights times twice the area, each rounded once.
-INLINE VECTOR(int) cover(const Walk *w, int column, int x, int y, VECTOR(float) weight[3])
+// Coverage of a block whose first sample is at x, y: -1 or 0 a sample, and the barycentric weights times twice the area,
+// each rounded once.
+INLINE VECTOR(int) cover(const Walk *w, int x, int y, VECTOR(int) columns, VECTOR(int) rows, VECTOR(float) weight[3])
 {
-    // The last strip of a row may reach beyond the image, and so may the triangle.
-    VECTOR(int) covered = (VECTOR(int))(IOTA) <= (VECTOR(int))(w->right - column);
+    VECTOR(int) covered = (VECTOR(int))(-1);
     if (w->small) {
         for (int k = 0; k < 3; ++k) {
-            VECTOR(int) e = edge_values_small(w->edge[k], x, y);
+            VECTOR(int) e = edge_values_small(w->edge[k], x, y, columns, rows);
             covered &= (e + (VECTOR(int))(w->edge[k].bias)) >= (VECTOR(int))(0);
             weight[k] = CONVERT(float, STRIP, e);
         }
     } else {
         for (int k = 0; k < 3; ++k) {
-            VECTOR(long) e = edge_values_large(w->edge[k], x, y);
+            VECTOR(long) e = edge_values_large(w->edge[k], x, y, CONVERT(long, STRIP, columns), CONVERT(long, STRIP, rows));
             covered &= CONVERT(int, STRIP, (e + (VECTOR(long))(w->edge[k].bias)) >= (VECTOR(long))(0));
             weight[k] = CONVERT(float, STRIP, e);
         }
@@ -81,30 +96,43 @@ INLINE VECTOR(int) cover(const Walk *w, int column, int x, int y, VECTOR(float) 
          s < ((w).bottom + 1) * STRIPS_A_ROW; s += LANES, ++own)                                                \
         if ((s % STRIPS_A_ROW) * STRIP <= (w).right && (s % STRIPS_A_ROW) * STRIP + STRIP > (w).left)
 
-kernel void count_fragments(global const Triangle *triangles, global const ushort4 *bounds,
-                           global const uint *pair_start, global const uint *pairs,
-                            uint first_tile, int columns, int width, int height,
-                            global uint *pixel_end, global uint2 *tile_totals)
+kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start,
+                            global const uint *pairs, uint first_tile, int columns, int width,
+                            int height, global uint *pixel_end, global uint2 *tile_totals)
 {
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
     int lane = get_local_id(0);
     int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
+    int x = sample_at(tile_x, width), y = sample_at(tile_y, height);
     VECTOR(uint) counts[STRIPS_A_LANE];
     for (int own = 0; own < STRIPS_A_LANE; ++own) counts[own] = (VECTOR(uint))(0);
 
-    for (uint k = pair_start[tile]; k < pair_start[tile + 1]; ++k) {
-        uint record = pairs[k];
-        Walk w = walk_of(triangles + record, bounds[record], tile_x, tile_y);
+    for (uint pair = pair_start[tile], end = pair_start[tile + 1]; pair < end; ++pair) {
+        if (pair + PREFETCH_DISTANCE < end) PREFETCH(triangles + pairs[pair + PREFETCH_DISTANCE]);
+        Walk w = walk_of(triangles + pairs[pair], tile_x, tile_y);
         VECTOR(float) weight[3];
+#if LANES == 1
+        if (is_square(&w)) {
+            VECTOR(int) covered = cover(&w, x + w.left * SUBPIXELS, y + w.top * SUBPIXELS, SQUARE_COLUMNS, SQUARE_ROWS, weight);
+            for (int row = w.top; row <= w.bottom; ++row)
+                for (int column = w.left; column <= w.right; ++column)
+                    ((uint *)counts)[row * TILE + column] -=
+                        ((const int *)&covered)[(row - w.top) * SQUARE + column - w.left];
+            continue;
+        }
+#endif
         FOR_EACH_STRIP(w, lane, s, own) {
-            int column = (s % STRIPS_A_ROW) * STRIP;
-            int x = sample_at(tile_x + column, width), y = sample_at(tile_y + s / STRIPS_A_ROW, height);
-            counts[own] -= PASTE(as_, VECTOR(uint))(cover(&w, column, x, y, weight));
+            int column = (s % STRIPS_A_ROW) * STRIP, row = s / STRIPS_A_ROW;
+            VECTOR(int) covered = cover(&w, x + column * SUBPIXELS, y + row * SUBPIXELS, STRIP_COLUMNS, STRIP_ROWS, weight);
+            // The last strip of a row may reach beyond the image, and so may the triangle.
+            covered &= STRIP_COLUMNS <= (VECTOR(int))(w.right - column);
+            counts[own] -= PASTE(as_, VECTOR(uint))(covered);
         }
     }
 
-    for (int own = 0; own < STRIPS_A_LANE; ++own) *(local VECTOR(uint) *)(prefix + (own * LANES + lane) * STRIP) = counts[own];
+    for (int own = 0; own < STRIPS_A_LANE; ++own)
+        *(local VECTOR(uint) *)(prefix + (own * LANES + lane) * STRIP) = counts[own];
     barrier(CLK_LOCAL_MEM_FENCE);
     if (lane == 0) {
         uint sum = 0, deepest = 0;
@@ -145,62 +173,94 @@ INLINE float4 shade(const float vertex_weight[3], uint source, global const uint
 }
 #endif
 
+// Where fragments go, and what colours them.
+typedef struct {
+    global const uint *faces;
+    global const void *palette;
+    global const float *normals;
+    float3 view_direction;
+    uint capacity;
+    global ulong *fragments;
+    global float4 *colors;
+} Target;
+
+// Emits a record's fragments within a block: its samples `from` .. `to` of each row, `pitch` samples apart.
+// next: places for the block's first sample and those after it, a row of the tile apart.
+INLINE void emit_block(const Target *target, global const Triangle *t, const float *corner_weight, uint payload,
+                       VECTOR(int) covered, const VECTOR(float) *weight, int rows, int from, int to, int pitch,
+                       uint *next)
+{
+    VECTOR(float) depth = ((weight[0] * t->depth[0] + weight[1] * t->depth[1]) + weight[2] * t->depth[2]);
+    depth *= t->inverse_area;
+    depth = MAX(depth, (VECTOR(float))(t->depth_min));
+    depth = MIN(depth, (VECTOR(float))(t->depth_max));
+    VECTOR(uint) key = DEPTH_KEY(VECTOR(uint), depth);
+    for (int row = 0; row < rows; ++row)
+        for (int column = from; column <= to; ++column) {
+            int k = row * pitch + column;
+            if (!((const int *)&covered)[k]) continue;
+            uint at = next[row * TILE + column]++;
+            if (at >= target->capacity) continue;
+#if FRAGMENT_COLOR
+            float vertex_weight[3];
+            for (int j = 0; j < 3; ++j)
+                vertex_weight[j] = ((const float *)&weight[0])[k] * corner_weight[j] +
+                                   ((const float *)&weight[1])[k] * corner_weight[3 + j] +
+                                   ((const float *)&weight[2])[k] * corner_weight[6 + j];
+            target->colors[at] = shade(vertex_weight, t->source, target->faces, target->palette, target->normals,
+                                       target->view_direction);
+            payload = at;
+#endif
+            target->fragments[at] = (ulong)((const uint *)&key)[k] << 32 | payload;
+        }
+}
+
 // A window is a run of fragments of the batch: positions are relative to its first, and those outside `capacity` (a tile
 // too deep for one window) are left to the others.
-kernel void emit_fragments(global const Triangle *triangles, global const ushort4 *bounds,
-                           global const uint *pair_start, global const uint *pairs,
-                           uint first_tile, uint window_tile, int columns, int width, int height,
-                           global const uint *pixel_end, global const uint *tile_start, uint capacity,
-                           global const uint *faces, global const void *palette, global const float *weights,
-                           global const float *normals, float view_x, float view_y, float view_z,
-                           global ulong *fragments, global float4 *colors)
+kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start,
+                           global const uint *pairs, uint first_tile, uint window_tile,
+                           int columns, int width, int height, global const uint *pixel_end,
+                           global const uint *tile_start, uint capacity, global const uint *faces,
+                           global const void *palette, global const float *weights, global const float *normals,
+                           float view_x, float view_y, float view_z, global ulong *fragments, global float4 *colors)
 {
     uint tile = window_tile + get_group_id(0);
     int lane = get_local_id(0);
     int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
-    VECTOR(uint) next[STRIPS_A_LANE];
+    int x = sample_at(tile_x, width), y = sample_at(tile_y, height);
+    Target target = {faces, palette, normals, (float3)(view_x, view_y, view_z), capacity, fragments, colors};
+    uint next[STRIPS_A_LANE * STRIP];
     for (int own = 0; own < STRIPS_A_LANE; ++own)
         for (int k = 0; k < STRIP; ++k) {
             int p = (own * LANES + lane) * STRIP + k;
-            ((uint *)&next[own])[k] = tile_start[get_group_id(0)] + (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0);
+            next[own * STRIP + k] = tile_start[get_group_id(0)] + (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0);
         }
 
-    for (uint pair = pair_start[tile]; pair < pair_start[tile + 1]; ++pair) {
-        uint record = pairs[pair];
+    for (uint pair = pair_start[tile], end = pair_start[tile + 1]; pair < end; ++pair) {
+        if (pair + PREFETCH_DISTANCE < end) PREFETCH(triangles + pairs[pair + PREFETCH_DISTANCE]);
+        uint record = pairs[pair], payload = 0;
         global const Triangle *t = triangles + record;
-        Walk w = walk_of(t, bounds[record], tile_x, tile_y);
-        float d0 = t->depth[0], d1 = t->depth[1], d2 = t->depth[2];
+        Walk w = walk_of(t, tile_x, tile_y);
         VECTOR(float) weight[3];
-#if FRAGMENT_COLOR
         float corner_weight[9];
+#if FRAGMENT_COLOR
         for (int k = 0; k < 9; ++k) corner_weight[k] = weights[9 * record + k];
 #else
-        uint payload = face_payload(palette, t->source);
+        payload = face_payload(palette, t->source);
+#endif
+#if LANES == 1
+        if (is_square(&w)) {
+            VECTOR(int) covered = cover(&w, x + w.left * SUBPIXELS, y + w.top * SUBPIXELS, SQUARE_COLUMNS, SQUARE_ROWS, weight);
+            emit_block(&target, t, corner_weight, payload, covered, weight, w.bottom - w.top + 1, 0, w.right - w.left,
+                       SQUARE, next + w.top * TILE + w.left);
+            continue;
+        }
 #endif
         FOR_EACH_STRIP(w, lane, s, own) {
-            int column = (s % STRIPS_A_ROW) * STRIP;
-            int x = sample_at(tile_x + column, width), y = sample_at(tile_y + s / STRIPS_A_ROW, height);
-            VECTOR(int) coverage = cover(&w, column, x, y, weight);
-            VECTOR(float) depth = ((weight[0] * d0 + weight[1] * d1) + weight[2] * d2) * t->inverse_area;
-            depth = MAX(depth, (VECTOR(float))(t->depth_min));
-            depth = MIN(depth, (VECTOR(float))(t->depth_max));
-            VECTOR(uint) key = DEPTH_KEY(VECTOR(uint), depth), place = next[own];
-            next[own] -= PASTE(as_, VECTOR(uint))(coverage);
-            coverage &= place < (VECTOR(uint))(capacity);
-            for (int k = MAX(w.left - column, 0); k <= MIN(w.right - column, STRIP - 1); ++k) {
-                if (!((const int *)&coverage)[k]) continue;
-                uint at = ((const uint *)&place)[k];
-#if FRAGMENT_COLOR
-                float vertex_weight[3];
-                for (int j = 0; j < 3; ++j)
-                    vertex_weight[j] = ((const float *)&weight[0])[k] * corner_weight[j] +
-                                       ((const float *)&weight[1])[k] * corner_weight[3 + j] +
-                                       ((const float *)&weight[2])[k] * corner_weight[6 + j];
-                colors[at] = shade(vertex_weight, t->source, faces, palette, normals, (float3)(view_x, view_y, view_z));
-                uint payload = at;
-#endif
-                fragments[at] = (ulong)((const uint *)&key)[k] << 32 | payload;
-            }
+            int column = (s % STRIPS_A_ROW) * STRIP, row = s / STRIPS_A_ROW;
+            VECTOR(int) covered = cover(&w, x + column * SUBPIXELS, y + row * SUBPIXELS, STRIP_COLUMNS, STRIP_ROWS, weight);
+            emit_block(&target, t, corner_weight, payload, covered, weight, 1, MAX(w.left - column, 0),
+                       MIN(w.right - column, STRIP - 1), STRIP, next + own * STRIP);
         }
     }
 }
