@@ -147,6 +147,7 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
         clipped = int(counted["clipped"])
         records = face_count + CLIP_TRIANGLES * clipped
     if clipped:
+        kernels = program(gpu, "clipping.cl", features)
         listed = gpu.buffer("clipped", clipped * 4)
         launch(gpu, STAGE, kernels["collect_clipped"], face_count, **indexed, clipped=listed)
         ordered = np.sort(gpu.get(listed, clipped, np.uint32))

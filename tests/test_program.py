@@ -21,7 +21,9 @@ FILES = [
 
 
 def test_the_kernels_are_installed():
-    assert {"projection.cl", "binning.cl", "raster.cl", "composite.cl", "techniques/sort.cl"} <= set(FILES)
+    assert {"projection.cl", "clipping.cl", "binning.cl", "raster.cl", "composite.cl", "techniques/sort.cl"} <= set(
+        FILES
+    )
 
 
 @pytest.mark.parametrize("path", FILES)
@@ -34,19 +36,12 @@ def test_sources_are_whole_and_keep_the_rules(path):
     assert not re.search(r"\b(mix|pow|exp|log|native_\w+|half_\w+|mad|rsqrt|dot|normalize|length)\(", code)
 
 
+BUILDS = [*itertools.product((1, 64), (True, False), ("scene", "face", "vertex"))]
+BUILDS += [(lanes, True, "face") for lanes in (16, 32, 128)]
+
+
 @pytest.mark.parametrize("path", FILES)
-@pytest.mark.parametrize(
-    ("lanes", "packed", "rate"),
-    [
-        *(
-            (lanes, packed, rate)
-            for lanes in (1, 64)
-            for packed in (True, False)
-            for rate in ("scene", "face", "vertex")
-        ),
-        *((lanes, True, "face") for lanes in (16, 32, 128)),
-    ],
-)
+@pytest.mark.parametrize(("lanes", "packed", "rate"), BUILDS)
 @pytest.mark.filterwarnings("ignore::pyopencl.CompilerWarning")
 def test_every_build_is_free_of_warnings(path, lanes, packed, rate):
     import pyopencl as cl
