@@ -246,6 +246,8 @@ def _add_picture_options(parser: argparse.ArgumentParser, output: str, resolutio
     group = parser.add_argument_group("method")
     add = group.add_argument
     add("--technique", default="sort", metavar="NAME", help="default: sort, exact; 'help' lists them")
+    add("--passes", type=_count, metavar="N", help="stop after so many, where the technique makes passes")
+    add("--layers", type=_count, metavar="N", help="layers a pass, where the technique peels several")
     add(
         "--samples",
         type=_count,

@@ -208,7 +208,12 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
     choose(options.device)
 
     started = time.perf_counter()
-    scene = load()
+    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    progress(0.0, f"reading {name}")
+    try:
+        scene = load()
+    finally:
+        progress.clear()
     loaded = time.perf_counter()
     if not options.quiet:
         for note in scene.notes:
@@ -218,8 +223,10 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         _say(f"{name}: {len(scene.faces):,} triangles, read in {loaded - started:.2f} s")
         _say(f"{camera}")
 
-    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    # Options of some techniques only: given to any, which refuses those that it does not have.
+    given = {"passes": options.passes, "layers_per_pass": options.layers}
     try:
+        progress(0.0, "rendering")
         result = clpeel.render(
             scene,
             camera,
@@ -233,11 +240,13 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
             lanes=options.lanes,
             keep_color=False,
             progress=progress if progress.enabled else None,
+            **{name: value for name, value in given.items() if value is not None},
         )
+        rendered = time.perf_counter()
+        progress(1.0, "writing")
+        _write(output, encode_png(result.image))
     finally:
         progress.clear()
-    rendered = time.perf_counter()
-    _write(output, encode_png(result.image))
     written = time.perf_counter()
 
     seconds = {"load": loaded - started, **result.stats["seconds"], "save": written - rendered}

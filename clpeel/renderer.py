@@ -31,6 +31,7 @@ MIN_MEMORY = 1 << 20
 """Bytes that fragments are given at least, however little is left of the budget."""
 
 LAYER_BYTES = 16 * TILE_PIXELS
+COMMON_OPTIONS = tuple("camera size technique background lighting samples memory keep_color progress".split())
 SAMPLES = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples a pixel to samples a side; a side divides a tile's, so that a pixel's samples share a tile."""
 
@@ -93,6 +94,7 @@ class Renderer:
         memory: int | str | None = None,
         keep_color: bool = True,
         progress: Progress | None = None,
+        **options: Any,
     ) -> Result:
         """Renders the scene.
 
@@ -101,11 +103,15 @@ class Renderer:
         (colours as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged, for smooth edges. memory:
         bytes, or text such as "512M", that the scene and all buffers but the picture may take on the device; by default
         a quarter of what it has. keep_color: whether the result has `color`. progress: called with the share done
-        (0..1) and a text. Raises InputError on any of these that cannot be.
+        (0..1) and a text. options: those that the technique has besides (its `options`). Raises InputError on any of
+        these that cannot be.
         """
         started = time.perf_counter()
         gpu = self.gpu
         chosen = technique_named(technique)
+        for name in sorted(options.keys() - set(chosen.options)):
+            known = ", ".join((*COMMON_OPTIONS, *chosen.options))
+            raise InputError(f"{name}: the technique {technique!r} has no such option; it has {known}")
         size = checked_size(size)
         over = checked_background(background)
         side = checked_samples(samples, size)

@@ -3,36 +3,53 @@
 from __future__ import annotations
 
 import sys
-import time
+import threading
 from typing import Any
 
 
 class Progress:
-    """A one-line bar on standard error, on a terminal only, once the work has lasted `delay` seconds."""
+    """A one-line bar on standard error, on a terminal only, once the work has lasted `delay` seconds.
+
+    A thread draws it, so that it also shows while a file is read or kernels are compiled, which report nothing.
+    """
 
     WIDTH = 30
+    INTERVAL = 0.2  # seconds between two drawings
 
     def __init__(self, enabled: bool = True, delay: float = 1.5) -> None:
         self.enabled = enabled and sys.stderr is not None and sys.stderr.isatty()
-        self.next_time = time.monotonic() + delay
-        self.shown = False
+        self.delay = delay
+        self._bar = ""
+        self._drawing: threading.Thread | None = None
+        self._done = threading.Event()
 
     def __call__(self, done: float, text: str = "") -> None:
-        """Show that `done` (0..1) of the work is done, at most ten times a second."""
-        now = time.monotonic()
-        if not self.enabled or now < self.next_time:
+        """Say that `done` (0..1) of the work is done, and what is being done."""
+        if not self.enabled:
             return
-        self.next_time = now + 0.1
-        self.shown = True
         done = min(max(done, 0.0), 1.0)
         filled = round(done * self.WIDTH)
-        bar = "#" * filled + "-" * (self.WIDTH - filled)
-        print(f"\r[{bar}] {done:4.0%} {text[:40]}\x1b[K", end="", file=sys.stderr, flush=True)
+        self._bar = f"\r[{'#' * filled}{'-' * (self.WIDTH - filled)}] {done:4.0%} {text[:40]}\x1b[K"
+        if self._drawing is None:
+            self._done.clear()
+            self._drawing = threading.Thread(target=self._draw, daemon=True)
+            self._drawing.start()
+
+    def _draw(self) -> None:
+        if self._done.wait(self.delay):
+            return
+        while True:
+            print(self._bar, end="", file=sys.stderr, flush=True)
+            if self._done.wait(self.INTERVAL):
+                print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+                return
 
     def clear(self) -> None:
-        if self.shown:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
-            self.shown = False
+        """Take the bar away; the next call begins another."""
+        if self._drawing is not None:
+            self._done.set()
+            self._drawing.join()
+            self._drawing = None
 
 
 def _bytes(count: float) -> str:

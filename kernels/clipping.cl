@@ -7,7 +7,7 @@
 // Signed distance inside plane k (its outcode is 1 << k), linear in clip space.
 INLINE Pair plane_distance(int plane, ClipVertex v, DepthRange depth)
 {
-    Pair guard = pair_of(v.w.high * GUARD_BAND, v.w.low * GUARD_BAND);
+    Pair guard = pair_of(v.w.hi * GUARD_BAND, v.w.lo * GUARD_BAND);
     switch (plane) {
     case 0: return pair_sub(pair_mul(v.w, pair_of(depth.near, 0.0f)), v.z);
     case 1: return pair_sub(v.z, pair_mul(v.w, pair_of(depth.far, 0.0f)));
@@ -21,13 +21,13 @@ INLINE Pair plane_distance(int plane, ClipVertex v, DepthRange depth)
 // A point that is on plane k but for rounding, put there: far outside, the rounding can be larger than the picture.
 INLINE void put_on_plane(int plane, ClipVertex *v, DepthRange depth)
 {
-    Pair guard = pair_of(v->w.high * GUARD_BAND, v->w.low * GUARD_BAND);
+    Pair guard = pair_of(v->w.hi * GUARD_BAND, v->w.lo * GUARD_BAND);
     switch (plane) {
     case 0: v->z = pair_mul(v->w, pair_of(depth.near, 0.0f)); break;
     case 1: v->z = pair_mul(v->w, pair_of(depth.far, 0.0f)); break;
-    case 2: v->x = pair_of(-guard.high, -guard.low); break;
+    case 2: v->x = pair_of(-guard.hi, -guard.lo); break;
     case 3: v->x = guard; break;
-    case 4: v->y = pair_of(-guard.high, -guard.low); break;
+    case 4: v->y = pair_of(-guard.hi, -guard.lo); break;
     default: v->y = guard;
     }
 }
@@ -54,7 +54,7 @@ static int clip_polygon(const ClipVertex *in, int count, int plane, DepthRange d
     for (int k = 0; k < count && kept < room; ++k) {
         ClipVertex a = in[k], b = in[k + 1 < count ? k + 1 : 0];
         Pair da = plane_distance(plane, a, depth), db = plane_distance(plane, b, depth);
-        bool a_in = da.high >= 0.0f, b_in = db.high >= 0.0f;
+        bool a_in = da.hi >= 0.0f, b_in = db.hi >= 0.0f;
         if (a_in) out[kept++] = a;
         if (a_in == b_in) continue;
         if (!a_in) {
@@ -65,7 +65,7 @@ static int clip_polygon(const ClipVertex *in, int count, int plane, DepthRange d
         Pair t = pair_div(da, pair_sub(da, db));
         ClipVertex cut;
         cut.x = along(a.x, b.x, t), cut.y = along(a.y, b.y, t), cut.z = along(a.z, b.z, t), cut.w = along(a.w, b.w, t);
-        cut.weight = a.weight + t.high * (b.weight - a.weight);
+        cut.weight = a.weight + t.hi * (b.weight - a.weight);
         put_on_plane(plane, &cut, depth);
         out[kept++] = cut;
     }
@@ -83,9 +83,9 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
     uint source = clipped[n], first = face_count + n * CLIP_TRIANGLES;
     uint3 face = load_face(faces, source);
     ClipVertex polygon[MAX_CLIP_VERTICES], other[MAX_CLIP_VERTICES];
-    polygon[0] = to_clip_space(matrix, positions, low_positions, face.x);
-    polygon[1] = to_clip_space(matrix, positions, low_positions, face.y);
-    polygon[2] = to_clip_space(matrix, positions, low_positions, face.z);
+    to_clip_space(matrix, positions, low_positions, face.x, polygon);
+    to_clip_space(matrix, positions, low_positions, face.y, polygon + 1);
+    to_clip_space(matrix, positions, low_positions, face.z, polygon + 2);
     polygon[0].weight = (float3)(1.0f, 0.0f, 0.0f);
     polygon[1].weight = (float3)(0.0f, 1.0f, 0.0f);
     polygon[2].weight = (float3)(0.0f, 0.0f, 1.0f);
@@ -98,7 +98,8 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
         uint record = first + k;
         bounds[record] = (ushort4)(1, 0, 1, 0);
         if (k + 2 >= count) continue;
-        Vertex corner[3] = {to_screen(polygon[0]), to_screen(polygon[k + 1]), to_screen(polygon[k + 2])};
+        Vertex corner[3];
+        for (int i = 0; i < 3; ++i) to_screen(polygon + (i == 0 ? 0 : k + i), corner + i);
         float moved[3][3];
         int order[3];
         if (!make_triangle(corner, source, width, height, triangles + record, bounds + record, moved, order)) continue;

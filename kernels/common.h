@@ -13,7 +13,13 @@
 #endif
 #define PASTE_(a, b) a##b
 #define PASTE(a, b) PASTE_(a, b)
+#if defined(__x86_64__) || defined(__aarch64__)
+#define CPU_TARGET 1
 #define INLINE static inline __attribute__((always_inline))
+#else
+#define CPU_TARGET 0
+#define INLINE static inline
+#endif
 #define MIN(a, b) ((a) < (b) ? (a) : (b))
 #define MAX(a, b) ((a) > (b) ? (a) : (b))
 #if (defined(FP_FAST_FMAF) || defined(__FMA__)) && __has_builtin(__builtin_fmaf)
@@ -29,7 +35,7 @@
 
 // A list names records that lie far apart: asks for one some places ahead, so that it is there in time. Worth it where a
 // lane works alone; a GPU has other lanes to turn to.
-#if LANES == 1 && __has_builtin(__builtin_prefetch)
+#if LANES == 1 && CPU_TARGET && __has_builtin(__builtin_prefetch)
 #define PREFETCH(address) __builtin_prefetch((const void *)(size_t)(address))
 #else
 #define PREFETCH(address)
@@ -70,9 +76,11 @@ INLINE bool is_finite(float value) { return (as_uint(value) & 0x7F800000u) != 0x
 
 // --- pairs of floats: an unevaluated sum of about 48 bits ----------------------------------------------------------
 // Dekker, "A floating-point technique for extending the available precision" (1971), with fma for the exact product.
-typedef struct { float high, low; } Pair;
+// Its halves are .hi and .lo. (Functions here return vectors and scalars only: a returned struct is a hidden pointer, which
+// some tools and compilers handle badly.)
+typedef float2 Pair;
 
-INLINE Pair pair_of(float high, float low) { Pair p = {high, low}; return p; }
+INLINE Pair pair_of(float high, float low) { return (float2)(low, high); }
 
 // The exact sum of two floats (Knuth): no assumption on their sizes.
 INLINE Pair two_sum(float a, float b)
@@ -90,23 +98,23 @@ INLINE Pair quick_two_sum(float a, float b)
 
 INLINE Pair pair_add(Pair a, Pair b)
 {
-    Pair s = two_sum(a.high, b.high);
-    return quick_two_sum(s.high, s.low + (a.low + b.low));
+    Pair s = two_sum(a.hi, b.hi);
+    return quick_two_sum(s.hi, s.lo + (a.lo + b.lo));
 }
 
-INLINE Pair pair_sub(Pair a, Pair b) { return pair_add(a, pair_of(-b.high, -b.low)); }
+INLINE Pair pair_sub(Pair a, Pair b) { return pair_add(a, pair_of(-b.hi, -b.lo)); }
 
 INLINE Pair pair_mul(Pair a, Pair b)
 {
-    float p = a.high * b.high, e = FMA(a.high, b.high, -p);
-    return quick_two_sum(p, e + (a.high * b.low + a.low * b.high));
+    float p = a.hi * b.hi, e = FMA(a.hi, b.hi, -p);
+    return quick_two_sum(p, e + (a.hi * b.lo + a.lo * b.hi));
 }
 
 INLINE Pair pair_div(Pair a, Pair b)
 {
-    float q = a.high / b.high;
-    float r = FMA(-q, b.high, a.high);  // exact
-    return quick_two_sum(q, ((r + a.low) - q * b.low) / b.high);
+    float q = a.hi / b.hi;
+    float r = FMA(-q, b.hi, a.hi);  // exact
+    return quick_two_sum(q, ((r + a.lo) - q * b.lo) / b.hi);
 }
 
 // --- depth ----------------------------------------------------------------------------------------------------------

@@ -8,10 +8,10 @@
 // may be called outside by one and inside by the other, and is then cut at its own place.
 INLINE uint outcode_of(ClipVertex v, DepthRange depth)
 {
-    float guard = v.w.high * GUARD_BAND;
-    return (v.z.high > v.w.high * depth.near ? OUT_NEAR : 0u) | (v.z.high < v.w.high * depth.far ? OUT_FAR : 0u) |
-           (v.x.high < -guard ? OUT_LEFT : 0u) | (v.x.high > guard ? OUT_RIGHT : 0u) |
-           (v.y.high < -guard ? OUT_TOP : 0u) | (v.y.high > guard ? OUT_BOTTOM : 0u);
+    float guard = v.w.hi * GUARD_BAND;
+    return (v.z.hi > v.w.hi * depth.near ? OUT_NEAR : 0u) | (v.z.hi < v.w.hi * depth.far ? OUT_FAR : 0u) |
+           (v.x.hi < -guard ? OUT_LEFT : 0u) | (v.x.hi > guard ? OUT_RIGHT : 0u) |
+           (v.y.hi < -guard ? OUT_TOP : 0u) | (v.y.hi > guard ? OUT_BOTTOM : 0u);
 }
 
 // No branches, so that items run side by side: past the end the last vertex is done again, into padding.
@@ -21,11 +21,13 @@ kernel void project_vertices(global const float *positions, global const float *
 {
     const DepthRange depth = {depth_near, depth_far};
     uint i = get_global_id(0), from = MIN(i, vertex_count - 1);
-    ClipVertex c = to_clip_space(matrix, positions, low_positions, from);
+    ClipVertex c;
+    to_clip_space(matrix, positions, low_positions, from, &c);
     // A NaN or infinity anywhere makes this sum one: positions are below 2^61, so it cannot overflow by itself.
     float3 p = load3(positions, from);
     // Field by field: the copy of a whole struct keeps a CPU compiler from running items side by side.
-    Vertex v = to_screen(c);
+    Vertex v;
+    to_screen(&c, &v);
     vertices[i].x = v.x;
     vertices[i].y = v.y;
     vertices[i].offset_x = v.offset_x;

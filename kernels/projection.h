@@ -21,45 +21,41 @@ INLINE Pair row_times(global const float *row, float3 high, float3 low)
         float p = row[k] * high.component, e = FMA(row[k], high.component, -p);            \
         e += row[4 + k] * high.component;                                                  \
         if (LOW_POSITIONS) e += row[k] * low.component;                                    \
-        Pair s = two_sum(sum.high, p);                                                     \
-        sum = pair_of(s.high, sum.low + (s.low + e));                                      \
+        Pair s = two_sum(sum.hi, p);                                                       \
+        sum = pair_of(s.hi, sum.lo + (s.lo + e));                                          \
     }
     TERM(0, x) TERM(1, y) TERM(2, z)
 #undef TERM
-    return quick_two_sum(sum.high, sum.low);
+    return quick_two_sum(sum.hi, sum.lo);
 }
 
-INLINE ClipVertex to_clip_space(global const float *matrix, global const float *positions,
-                                       global const float *low_positions, uint vertex)
+INLINE void to_clip_space(global const float *matrix, global const float *positions, global const float *low_positions,
+                          uint vertex, ClipVertex *v)
 {
     float3 high = load3(positions, vertex), low = (float3)(0.0f);
     if (LOW_POSITIONS) low = load3(low_positions, vertex);
-    ClipVertex v;
-    v.x = row_times(matrix, high, low);
-    v.y = row_times(matrix + 8, high, low);
-    v.z = row_times(matrix + 16, high, low);
-    v.w = row_times(matrix + 24, high, low);
-    return v;
+    v->x = row_times(matrix, high, low);
+    v->y = row_times(matrix + 8, high, low);
+    v->z = row_times(matrix + 16, high, low);
+    v->w = row_times(matrix + 24, high, low);
 }
 
 // Nearest subpixel to a pair, and what is left of it.
 INLINE int snap(Pair value, float *offset)
 {
-    int whole = nearest(value.high);
-    float rest = (value.high - (float)whole) + value.low;
+    int whole = nearest(value.hi);
+    float rest = (value.hi - (float)whole) + value.lo;
     int step = nearest(rest);
     *offset = rest - (float)step;
     return whole + step;
 }
 
-INLINE Vertex to_screen(ClipVertex c)
+INLINE void to_screen(const ClipVertex *c, Vertex *v)
 {
-    Vertex v;
-    v.x = snap(pair_div(c.x, c.w), &v.offset_x);
-    v.y = snap(pair_div(c.y, c.w), &v.offset_y);
-    v.depth = c.z.high / c.w.high;
-    v.outcode = 0;
-    return v;
+    v->x = snap(pair_div(c->x, c->w), &v->offset_x);
+    v->y = snap(pair_div(c->y, c->w), &v->offset_y);
+    v->depth = c->z.hi / c->w.hi;
+    v->outcode = 0;
 }
 
 // Writes the record of a triangle with these corners, and its bounds; false when it covers no sample.

@@ -21,11 +21,11 @@
 // with y down and positive area, top edges run right and left edges run up; they own their samples.
 typedef struct { int dx, dy, x, y, bias; } Edge;
 
-INLINE Edge edge_of(global const Triangle *t, int a, int b)
+INLINE void edge_of(global const Triangle *t, int a, int b, Edge *e)
 {
-    Edge e = {t->x[b] - t->x[a], t->y[b] - t->y[a], t->x[a], t->y[a], 0};
-    e.bias = e.dy < 0 || (e.dy == 0 && e.dx > 0) ? 0 : -1;
-    return e;
+    e->dx = t->x[b] - t->x[a], e->dy = t->y[b] - t->y[a];
+    e->x = t->x[a], e->y = t->y[a];
+    e->bias = e->dy < 0 || (e->dy == 0 && e->dx > 0) ? 0 : -1;
 }
 
 typedef struct {
@@ -34,16 +34,14 @@ typedef struct {
     bool small;  // E fits 32 bits all over the tile
 } Walk;
 
-INLINE Walk walk_of(global const Triangle *t, int tile_x, int tile_y)
+INLINE void walk_of(global const Triangle *t, int tile_x, int tile_y, Walk *w)
 {
-    Walk w;
-    w.edge[0] = edge_of(t, 1, 2), w.edge[1] = edge_of(t, 2, 0), w.edge[2] = edge_of(t, 0, 1);
+    edge_of(t, 1, 2, w->edge), edge_of(t, 2, 0, w->edge + 1), edge_of(t, 0, 1, w->edge + 2);
     int left = t->left_right & 0xFFFF, right = t->left_right >> 16;
     int top = t->top_bottom & 0xFFFF, bottom = t->top_bottom >> 16;
-    w.left = MAX(left - tile_x, 0), w.right = MIN(right - tile_x, TILE - 1);
-    w.top = MAX(top - tile_y, 0), w.bottom = MIN(bottom - tile_y, TILE - 1);
-    w.small = t->small;
-    return w;
+    w->left = MAX(left - tile_x, 0), w->right = MIN(right - tile_x, TILE - 1);
+    w->top = MAX(top - tile_y, 0), w->bottom = MIN(bottom - tile_y, TILE - 1);
+    w->small = t->small;
 }
 
 // What a lane tests at once is a block of STRIP samples: a strip of a row, `columns` right of its first sample. A lane that
@@ -110,7 +108,8 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 
     for (uint pair = pair_start[tile], end = pair_start[tile + 1]; pair < end; ++pair) {
         if (pair + PREFETCH_DISTANCE < end) PREFETCH(triangles + pairs[pair + PREFETCH_DISTANCE]);
-        Walk w = walk_of(triangles + pairs[pair], tile_x, tile_y);
+        Walk w;
+        walk_of(triangles + pairs[pair], tile_x, tile_y, &w);
         VECTOR(float) weight[3];
 #if LANES == 1
         if (is_square(&w)) {
@@ -240,7 +239,8 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
         if (pair + PREFETCH_DISTANCE < end) PREFETCH(triangles + pairs[pair + PREFETCH_DISTANCE]);
         uint record = pairs[pair], payload = 0;
         global const Triangle *t = triangles + record;
-        Walk w = walk_of(t, tile_x, tile_y);
+        Walk w;
+        walk_of(t, tile_x, tile_y, &w);
         VECTOR(float) weight[3];
         float corner_weight[9];
 #if FRAGMENT_COLOR

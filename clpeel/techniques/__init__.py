@@ -23,6 +23,7 @@ class Technique:
     fragment_bytes: int
     passes: int  # geometry passes, as the paper counts them
     exact: bool
+    options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
 
 
 TECHNIQUES: dict[str, Technique] = {
