@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,7 @@ class Gpu:
     context: cl.Context
     queue: cl.CommandQueue
     lanes: int
+    builds: dict[Any, cl.Program] = field(default_factory=dict)  # shared by all on the device
     programs: dict[Any, Any] = field(default_factory=dict)
     buffers: dict[str, cl.Buffer] = field(default_factory=dict)
     events: list[tuple[str, str, cl.Event]] = field(default_factory=list)
@@ -77,11 +79,6 @@ class Gpu:
         array = np.empty(shape, dtype)
         cl.enqueue_copy(self.queue, array, held, src_offset=offset, is_blocking=True)
         return array
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all buffers held."""
-        return sum(int(held.size) for held in self.buffers.values())
 
     @property
     def default_memory(self) -> int:
@@ -152,6 +149,12 @@ def open_device(selector: int | str | None = None, lanes: int | None = None) -> 
         raise InputError(f"lanes: expected one of {', '.join(map(str, ALLOWED_LANES))}, got {lanes!r}")
     if lanes > device.max_work_group_size:
         raise InputError(f"lanes: expected at most {device.max_work_group_size} on {info.name}, got {lanes}")
-    context = cl.Context([device])
+    context, builds = _kept(device)
     queue = cl.CommandQueue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
-    return Gpu(device, context, queue, lanes)
+    return Gpu(device, context, queue, lanes, builds)
+
+
+@cache
+def _kept(device: cl.Device) -> tuple[cl.Context, dict[Any, cl.Program]]:
+    """A device's context and what was built in it, kept for the process: the second picture need not wait for it."""
+    return cl.Context([device]), {}

@@ -64,12 +64,14 @@ def program(gpu: Gpu, path: str, features: Features) -> dict[str, Kernel]:
     key = path, features
     if key not in gpu.programs:
         text = source(path)
-        options = ["-cl-std=CL1.2", *features.options()]
-        if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
-            options.append(CORRECTLY_ROUNDED)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", cl.CompilerWarning)
-            built = cl.Program(gpu.context, text).build(options=options)
+        if key not in gpu.builds:
+            options = ["-cl-std=CL1.2", *features.options()]
+            if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
+                options.append(CORRECTLY_ROUNDED)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", cl.CompilerWarning)
+                gpu.builds[key] = cl.Program(gpu.context, text).build(options=options)
+        built = gpu.builds[key]
         kernels = {}
         for name, parameters in _KERNEL.findall(text):
             words = [re.sub(r"\s+", " ", parameter).strip() for parameter in parameters.split(",")]

@@ -154,7 +154,10 @@ class Renderer:
         picture.finish()
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
-        seconds["total"] = time.perf_counter() - started
+        # What no kernel took: compiling them the first time, the scene's upload, the host's own work and waiting.
+        total = time.perf_counter() - started
+        seconds["host"] = total - sum(seconds.values())
+        seconds["total"] = total
         buffers = {name: int(held.size) for name, held in gpu.buffers.items()}
         pixels = size[0] * size[1]
         stats: dict[str, Any] = {

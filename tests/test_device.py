@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -63,4 +65,18 @@ def test_buffers_are_kept_and_only_grow():
     gpu.put("a", values)
     assert (gpu.get(second, 10, np.uint32) == values).all()
     assert (gpu.get(second, 4, np.uint32, offset=8) == [2, 3, 4, 5]).all()
-    assert gpu.nbytes == second.size
+
+
+def test_what_was_built_is_kept_for_the_process():
+    one, other = open_device(), open_device()
+    assert one.context == other.context and one.builds is other.builds
+    assert one.queue != other.queue and one.buffers is not other.buffers and one.programs is not other.programs
+
+
+def test_threads_do_not_disturb_each_other():
+    corners = np.random.default_rng(0).uniform(-1, 1, (90, 3))
+    scene = clpeel.Scene.from_arrays(corners, np.arange(90).reshape(-1, 3), color=(255, 0, 0, 100))
+    alone = clpeel.render(scene, size=(64, 64)).color
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda _: clpeel.render(scene, size=(64, 64)).color, range(40)))
+    assert all((color == alone).all() for color in together)
