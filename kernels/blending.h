@@ -4,12 +4,14 @@
 
 #include "common.h"
 
-// Under blending (Bavoil and Myers 2008, "Under Blending"), front to back, with Adst = transmittance in .w from 1:
+// Under blending (Bavoil and Myers 2008, "Under Blending"), front to back, with Adst = transmittance from 1:
 //   Cdst = Adst (Asrc Csrc) + Cdst,   Adst = (1 - Asrc) Adst.
-INLINE float4 blend_under(float4 destination, float4 source)
+// Two variables, as each step waits for the last: a colour and transmittance in one vector would wait for its shuffles too.
+// color.w has no meaning.
+INLINE void blend_under(float4 *color, float *transmittance, float4 source)
 {
-    float3 color = destination.xyz + destination.w * (source.w * source.xyz);
-    return (float4)(color, (1.0f - source.w) * destination.w);
+    *color += *transmittance * (source.w * source);
+    *transmittance *= 1.0f - source.w;
 }
 
 #endif

@@ -76,17 +76,18 @@ kernel void resolve(global ulong *fragments, global ulong *scratch, global const
         uint slot = (window_tile + tile) * TILE_PIXELS + p;
         uint begin = p ? pixel_end[slot - 1] : 0, count = pixel_end[slot] - begin;
         begin += tile_start[tile];
-        float4 color = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
+        float4 color = (float4)(0.0f);
+        float transmittance = 1.0f;
         if (count <= RUN_MAX) {
             ulong run[RUN_MAX];
             sort_run(fragments + begin, count, run);
-            for (uint k = 0; k < count && color.w != 0.0f; ++k)
-                color = blend_under(color, fragment_color((uint)run[k], colors));
+            for (uint k = 0; k < count && transmittance != 0.0f; ++k)
+                blend_under(&color, &transmittance, fragment_color((uint)run[k], colors));
         } else {
             global const ulong *sorted = merge_sort(fragments + begin, scratch + begin, count);
-            for (uint k = 0; k < count && color.w != 0.0f; ++k)
-                color = blend_under(color, fragment_color((uint)sorted[k], colors));
+            for (uint k = 0; k < count && transmittance != 0.0f; ++k)
+                blend_under(&color, &transmittance, fragment_color((uint)sorted[k], colors));
         }
-        layer[slot] = color;
+        layer[slot] = (float4)(color.xyz, transmittance);
     }
 }
