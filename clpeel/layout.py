@@ -59,9 +59,9 @@ VERTEX = np.dtype(
 
 TRIANGLE = np.dtype(
     [
-        ("x", np.int32, 3),  # snapped corners in subpixels, ordered so that the area is positive with y down
+        ("x", np.int32, 3),  # snapped corners in subpixels, farthest first, the area positive with y down
         ("y", np.int32, 3),
-        ("depth", np.float32, 3),  # of the triangle's plane at the snapped corners
+        ("depth", np.float32, 3),  # of its plane at the first snapped corner, and how much more at the others
         ("depth_min", np.float32),  # of the exact corners: no fragment lies outside them
         ("depth_max", np.float32),
         ("inverse_area", np.float32),  # 1 / twice the area in square subpixels

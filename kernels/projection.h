@@ -54,8 +54,15 @@ INLINE void to_screen(const ClipVertex *c, Vertex *v)
 {
     v->x = snap(pair_div(c->x, c->w), &v->offset_x);
     v->y = snap(pair_div(c->y, c->w), &v->offset_y);
-    v->depth = c->z.hi / c->w.hi;
+    v->depth = pair_div(c->z, c->w).hi;
     v->outcode = 0;
+}
+
+// The one order of corners: farthest, then topmost, then leftmost.
+INLINE bool is_before(const Vertex *a, const Vertex *b)
+{
+    if (a->depth != b->depth) return a->depth < b->depth;
+    return a->y != b->y ? a->y < b->y : a->x < b->x;
 }
 
 // Writes the record of a triangle with these corners, and its bounds; false when it covers no sample.
@@ -64,14 +71,15 @@ INLINE void to_screen(const ClipVertex *c, Vertex *v)
 // snapped corners: where triangles cross, the picture is then that of the exact triangles. The same matrix `moved`
 // (barycentric coordinates of the exact triangle at the snapped corners) carries colours and normals over.
 //
-// The corners are first put into one order, whichever the face gave them in: positive area with y down, the topmost (then
-// leftmost) first. Coincident faces then have the same depths to the bit, and stay in submission order.
+// The corners are first put into one order, whichever the face gave them in: positive area with y down, the farthest (then
+// topmost, then leftmost) first. Coincident faces then have the same depths to the bit, and stay in submission order; and
+// a fragment's depth is the farthest corner's plus what the others add, so that only what they add is rounded often.
 INLINE bool make_triangle(const Vertex *given, uint source, int width, int height, global Triangle *triangle,
                           global ushort4 *bounds, float moved[3][3], int order[3])
 {
     int first = 0;
     for (int k = 1; k < 3; ++k)
-        if (given[k].y < given[first].y || (given[k].y == given[first].y && given[k].x < given[first].x)) first = k;
+        if (is_before(given + k, given + first)) first = k;
     int second = first < 2 ? first + 1 : 0, third = first > 0 ? first - 1 : 2;
     int2 a = (int2)(given[second].x - given[first].x, given[second].y - given[first].y);
     int2 b = (int2)(given[third].x - given[first].x, given[third].y - given[first].y);
@@ -82,7 +90,7 @@ INLINE bool make_triangle(const Vertex *given, uint source, int width, int heigh
     area = flip ? -area : area;
 
     int x_min = MIN(c0.x, MIN(c1.x, c2.x)), x_max = MAX(c0.x, MAX(c1.x, c2.x));
-    int y_min = c0.y, y_max = MAX(c1.y, c2.y);
+    int y_min = MIN(c0.y, MIN(c1.y, c2.y)), y_max = MAX(c0.y, MAX(c1.y, c2.y));
     int left = MAX(first_pixel(x_min, width), 0), right = MIN(last_pixel(x_max, width), width - 1);
     int top = MAX(first_pixel(y_min, height), 0), bottom = MIN(last_pixel(y_max, height), height - 1);
     if (area == 0 || left > right || top > bottom) {
@@ -102,6 +110,7 @@ INLINE bool make_triangle(const Vertex *given, uint source, int width, int heigh
     float2 g1 = (float2)(f.y, -f.x) / exact_area, g2 = (float2)(-e.y, e.x) / exact_area;
     // A sliver that snapping turned over has no use for its gradients: leave it as it is.
     if (!(exact_area > 0.0f) || !is_finite((g1.x + g1.y) + (g2.x + g2.y))) g1 = g2 = (float2)(0.0f);
+    float first_shift = 0.0f;
     for (int k = 0; k < 3; ++k) {
         const Vertex c = k == 0 ? c0 : k == 1 ? c1 : c2;
         float m1 = -(g1.x * c.offset_x + g1.y * c.offset_y), m2 = -(g2.x * c.offset_x + g2.y * c.offset_y);
@@ -110,8 +119,9 @@ INLINE bool make_triangle(const Vertex *given, uint source, int width, int heigh
         moved[k][2] = (k == 2 ? 1.0f : 0.0f) + m2;
         triangle->x[k] = c.x;
         triangle->y[k] = c.y;
-        // Written so that no shift leaves the depth's bits as they were.
-        triangle->depth[k] = c.depth + (m1 * (c1.depth - c0.depth) + m2 * (c2.depth - c0.depth));
+        float shift = m1 * (c1.depth - c0.depth) + m2 * (c2.depth - c0.depth);
+        if (k == 0) first_shift = shift;
+        triangle->depth[k] = k == 0 ? c.depth + shift : (c.depth - c0.depth) + (shift - first_shift);
     }
     triangle->depth_min = MIN(c0.depth, MIN(c1.depth, c2.depth));
     triangle->depth_max = MAX(c0.depth, MAX(c1.depth, c2.depth));

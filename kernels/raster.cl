@@ -189,8 +189,7 @@ INLINE void emit_block(const Target *target, global const Triangle *t, const flo
                        VECTOR(int) covered, const VECTOR(float) *weight, int rows, int from, int to, int pitch,
                        uint *next)
 {
-    VECTOR(float) depth = ((weight[0] * t->depth[0] + weight[1] * t->depth[1]) + weight[2] * t->depth[2]);
-    depth *= t->inverse_area;
+    VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
     depth = MAX(depth, (VECTOR(float))(t->depth_min));
     depth = MIN(depth, (VECTOR(float))(t->depth_max));
     VECTOR(uint) key = DEPTH_KEY(VECTOR(uint), depth);
