@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.layout import TILE, TILE_PIXELS
+from clpeel.layout import COLOR_BYTES, TILE, TILE_PIXELS
 from clpeel.program import launch, program
 from clpeel.projection import Triangles
 
 STAGE = "binning"
 CHUNKS_A_UNIT = 8
 PAIR_BYTES = 4
-TILE_BYTES = TILE_PIXELS * (4 + 16)
+TILE_BYTES = TILE_PIXELS * (4 + COLOR_BYTES)
 """Of a tile in a batch, whatever it holds: pixel_end and the layer."""
 
 BATCH_SHARE = 4

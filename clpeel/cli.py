@@ -351,9 +351,6 @@ def _run(arguments: Sequence[str]) -> int:
     if options.command is None:
         parser.print_help()
         return 0
-    from clpeel.cache import ensure_cache
-
-    ensure_cache()
     return COMMANDS[options.command](options)
 
 

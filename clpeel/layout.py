@@ -27,6 +27,12 @@ TILE = 16
 
 TILE_PIXELS = TILE * TILE
 
+FRAGMENT_BYTES = 8
+"""A fragment: its depth key and its payload."""
+
+COLOR_BYTES = 16
+"""A colour of four floats: a fragment's own where it varies over a face, and a pixel of a layer."""
+
 MAX_CLIP_VERTICES = 10
 """A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners; one more for room."""
 
@@ -100,7 +106,7 @@ class Features:
     @property
     def fragment_bytes(self) -> int:
         """Bytes of one fragment: depth and payload, and a float4 where the colour varies."""
-        return 24 if self.fragment_color else 8
+        return FRAGMENT_BYTES + (COLOR_BYTES if self.fragment_color else 0)
 
     @property
     def strip(self) -> int:

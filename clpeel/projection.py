@@ -64,8 +64,8 @@ class Triangles:
         return VERTEX.itemsize * len(self.scene.scene.vertices) + record * (self.faces + CLIP_TRIANGLES * self.clipped)
 
 
-def upload(gpu: Gpu, scene: Scene) -> DeviceScene:
-    """Puts a scene on the device."""
+def upload(gpu: Gpu, scene: Scene, normals: bool = False) -> DeviceScene:
+    """Puts a scene on the device, with its vertex normals where they are asked for."""
     grid = scene.positions()
     if scene.vertex_colors is not None:
         rate, colors = "vertex", scene.vertex_colors
@@ -76,7 +76,7 @@ def upload(gpu: Gpu, scene: Scene) -> DeviceScene:
     arrays = {"positions": grid.hi, "faces": scene.faces, "palette": colors}
     if grid.lo is not None:
         arrays["low_positions"] = grid.lo
-    if scene.vertex_normals is not None:
+    if normals and scene.vertex_normals is not None:
         arrays["normals"] = scene.vertex_normals
     flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
     held = {name: cl.Buffer(gpu.context, flags, hostbuf=np.ascontiguousarray(array)) for name, array in arrays.items()}

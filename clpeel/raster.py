@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from clpeel.binning import Batch
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.layout import TILE, TILE_PIXELS, Features
+from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, TILE, TILE_PIXELS, Features
 from clpeel.program import launch, program
 from clpeel.projection import Triangles
 
@@ -79,8 +79,8 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
         return gpu.get(pixel_end, TILE_PIXELS, np.uint32, offset=4 * TILE_PIXELS * tile).astype(np.int64)
 
     for window in _windows(totals, pixels_of, capacity):
-        fragments = gpu.buffer("fragments", 8 * window.count)
-        colors = gpu.buffer("colors", 16 * window.count) if features.fragment_color else None
+        fragments = gpu.buffer("fragments", FRAGMENT_BYTES * window.count)
+        colors = gpu.buffer("colors", COLOR_BYTES * window.count) if features.fragment_color else None
         tile_start = gpu.put("tile_start", window.tile_start)
         launch(
             gpu,

@@ -18,7 +18,7 @@ from clpeel.composite import Picture
 from clpeel.device import Gpu, open_device
 from clpeel.errors import InputError
 from clpeel.image import save_png
-from clpeel.layout import MAX_SIDE, TILE_PIXELS
+from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE, TILE_PIXELS
 from clpeel.normals import with_normals
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
@@ -30,7 +30,6 @@ LIGHTINGS = ("none", "headlight")
 MIN_MEMORY = 1 << 20
 """Bytes that fragments are given at least, however little is left of the budget."""
 
-LAYER_BYTES = 16 * TILE_PIXELS
 COMMON_OPTIONS = tuple("camera size technique background lighting samples memory keep_color progress".split())
 SAMPLES = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples a pixel to samples a side; a side divides a tile's, so that a pixel's samples share a tile."""
@@ -79,7 +78,8 @@ class Renderer:
         if lighting not in LIGHTINGS:
             raise InputError(f"lighting: expected one of {', '.join(LIGHTINGS)}; got {lighting!r}")
         if lighting not in self._uploaded:
-            self._uploaded[lighting] = upload(self.gpu, with_normals(self.scene) if lighting != "none" else self.scene)
+            lit = lighting != "none"
+            self._uploaded[lighting] = upload(self.gpu, with_normals(self.scene) if lit else self.scene, lit)
         return self._uploaded[lighting]
 
     def render(
@@ -133,14 +133,14 @@ class Renderer:
         fragment_bytes = triangles.features.fragment_bytes + chosen.fragment_bytes
         capacity = min(
             (budget - batch_budget) // fragment_bytes,
-            largest // (16 if triangles.features.fragment_color else 8),
+            largest // (COLOR_BYTES if triangles.features.fragment_color else FRAGMENT_BYTES),
         )
         picture = Picture(gpu, size, side, over, keep_color)
         fragment_count = layers_max = batches = 0
         total_pairs = max(int(tiles.tile_pairs.sum()), 1)
         for batch in tiles.batches(min(batch_budget, largest)):
             batches += 1
-            layer = gpu.buffer("layer", LAYER_BYTES * batch.tiles)
+            layer = gpu.buffer("layer", COLOR_BYTES * TILE_PIXELS * batch.tiles)
             for fragments in rasterize(gpu, triangles, batch, capacity):
                 chosen.resolve(gpu, fragments, layer)
                 fragment_count += fragments.count

@@ -123,8 +123,8 @@ INLINE bool make_triangle(const Vertex *given, uint source, int width, int heigh
         if (k == 0) first_shift = shift;
         triangle->depth[k] = k == 0 ? c.depth + shift : (c.depth - c0.depth) + (shift - first_shift);
     }
-    triangle->depth_min = MIN(c0.depth, MIN(c1.depth, c2.depth));
-    triangle->depth_max = MAX(c0.depth, MAX(c1.depth, c2.depth));
+    triangle->depth_min = c0.depth;
+    triangle->depth_max = MAX(c1.depth, c2.depth);
     triangle->inverse_area = 1.0f / (float)area;
     triangle->source = source;
     triangle->small = MAX(x_max - x_min, y_max - y_min) < SMALL_EXTENT;

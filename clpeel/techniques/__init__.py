@@ -27,7 +27,7 @@ class Technique:
 
 
 TECHNIQUES: dict[str, Technique] = {
-    "sort": Technique(sort.SUMMARY, sort.resolve, sort.FRAGMENT_BYTES, passes=1, exact=True),
+    "sort": Technique(sort.SUMMARY, sort.resolve, sort.SCRATCH_BYTES, passes=1, exact=True),
 }
 
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 import pyopencl as cl
 
 from clpeel.device import Gpu
-from clpeel.layout import RUN_MAX
+from clpeel.layout import FRAGMENT_BYTES, RUN_MAX
 from clpeel.program import launch, program
 from clpeel.raster import Fragments
 
 SUMMARY = "exact: sorts each pixel's fragments by depth, then blends them front to back"
-FRAGMENT_BYTES = 8
+SCRATCH_BYTES = FRAGMENT_BYTES
 """Room to merge long lists in, taken only where a pixel has more than RUN_MAX fragments."""
 
 
 def resolve(gpu: Gpu, fragments: Fragments, layer: cl.Buffer) -> None:
     """Front to back under blending in the order (depth, submission index), float32 (Bavoil and Myers 2008)."""
-    scratch = gpu.buffer("scratch", 8 * fragments.count) if fragments.layers_max > RUN_MAX else None
+    scratch = gpu.buffer("scratch", SCRATCH_BYTES * fragments.count) if fragments.layers_max > RUN_MAX else None
     launch(
         gpu,
         "sort",
