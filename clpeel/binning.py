@@ -48,7 +48,7 @@ class Tiles:
     gpu: Gpu
     triangles: Triangles
     columns: int
-    chunk_faces: int
+    chunk_records: int
     chunk_count: int
     counts: cl.Buffer  # uint32 [chunks, tiles]: where each chunk's records begin in the tile's list
     tile_pairs: NDArray[np.int64]  # [tiles]
@@ -83,7 +83,7 @@ class Tiles:
             kernel,
             self.chunk_count,
             1,
-            **_walk(self.triangles, self.columns, self.chunk_faces, len(self.tile_pairs), self.counts),
+            **_walk(self.triangles, self.columns, self.chunk_records, len(self.tile_pairs), self.counts),
             first_row=first_tile // self.columns,
             last_row=last_tile // self.columns,
             first_tile=first_tile,
@@ -103,13 +103,13 @@ def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
     columns, rows = -(-width // TILE), -(-height // TILE)
     tile_count = columns * rows
     chunks = CHUNKS_A_UNIT * int(gpu.device.max_compute_units)
-    chunks = max(1, min(chunks, triangles.faces, budget // (4 * tile_count)))
-    chunk_faces = -(-triangles.faces // chunks)
-    chunks = -(-triangles.faces // chunk_faces)
+    chunks = max(1, min(chunks, max(triangles.listed, 1), budget // (4 * tile_count)))
+    chunk_records = -(-max(triangles.listed, 1) // chunks)
+    chunks = -(-max(triangles.listed, 1) // chunk_records)
     counts = gpu.buffer("counts", 4 * chunks * tile_count)
     tile_pairs = gpu.buffer("tile_pairs", 4 * tile_count)
     kernels = program(gpu, "binning.cl", triangles.features)
-    walk = _walk(triangles, columns, chunk_faces, tile_count, counts)
+    walk = _walk(triangles, columns, chunk_records, tile_count, counts)
     launch(gpu, STAGE, kernels["bin_count"], chunks, 1, **walk, first_row=0, last_row=rows - 1)
     launch(
         gpu,
@@ -127,16 +127,16 @@ def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
             f"scene: expected fewer than {2**32 // TILE_PIXELS:,} triangles in a tile of {TILE} x {TILE} pixels, "
             f"got {pairs.max():,}; render a larger picture or part of the scene"
         )
-    return Tiles(gpu, triangles, columns, chunk_faces, chunks, counts, pairs)
+    return Tiles(gpu, triangles, columns, chunk_records, chunks, counts, pairs)
 
 
-def _walk(triangles: Triangles, columns: int, chunk_faces: int, tile_count: int, counts: cl.Buffer) -> dict[str, Any]:
+def _walk(triangles: Triangles, columns: int, chunk_records: int, tile_count: int, counts: cl.Buffer) -> dict[str, Any]:
     """The arguments that both walks over the triangles take."""
     return {
         "triangles": triangles.records,
         "bounds": triangles.bounds,
-        "face_count": triangles.faces,
-        "chunk_faces": chunk_faces,
+        "record_count": triangles.listed,
+        "chunk_records": chunk_records,
         "width": triangles.size[0],
         "height": triangles.size[1],
         "columns": columns,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
@@ -18,59 +20,77 @@ class Picture:
     """The picture being made, in the host's own arrays, which the device fills tile by tile.
 
     image: uint8 [height, width, 4]; color: float32 [height, width, 4] premultiplied, or None where not wanted.
-    side: a pixel is the mean of side x side samples.
     """
 
-    def __init__(
-        self,
-        gpu: Gpu,
-        size: tuple[int, int],
-        side: int,
-        background: tuple[float, float, float] | None,
-        keep_color: bool,
-    ):
+    def __init__(self, gpu: Gpu, size: tuple[int, int], keep_color: bool):
         width, height = size
         self.gpu = gpu
         self.size = size
-        self.side = side
-        self.background = background
         self.image: NDArray[np.uint8] = np.empty((height, width, 4), np.uint8)
-        self.color: NDArray[np.float32] | None = np.zeros((height, width, 4), np.float32) if keep_color else None
-        # Where nothing is drawn: the background, rounded as composite.cl rounds it.
-        empty = [0.0] * 4 if background is None else [*background, 1.0]
-        pixel = (np.array(empty, np.float32) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
-        self.image.view(np.uint32)[...] = pixel.view(np.uint32)
+        self.color: NDArray[np.float32] | None = np.empty((height, width, 4), np.float32) if keep_color else None
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
         self._image = cl.Buffer(gpu.context, flags, hostbuf=self.image)
         self._color = None if self.color is None else cl.Buffer(gpu.context, flags, hostbuf=self.color)
+        self._own_references = self._references()
 
-    def put(self, features: Features, batch: Batch, layer: cl.Buffer) -> None:
-        """Composites a layer, float32 [tiles, TILE_PIXELS, 4], over the background into its place."""
-        red, green, blue = self.background or (0.0, 0.0, 0.0)
+    def _references(self) -> list[int]:
+        return [sys.getrefcount(array) for array in (self.image, self.color) if array is not None]
+
+    def fits(self, size: tuple[int, int], keep_color: bool) -> bool:
+        """Whether it has this size and what is to be kept."""
+        return self.size == size and (self.color is not None) == keep_color
+
+    def is_free(self) -> bool:
+        """Whether nobody else holds its arrays, nor a view of them, so that it may be drawn over."""
+        return self._references() == self._own_references
+
+    def begin(self, features: Features, side: int, background: tuple[float, float, float] | None) -> None:
+        """Starts anew. side: a pixel is the mean of side x side samples."""
         width, height = self.size
+        self.features = features
+        self._tiles = -(-width * side // TILE) * -(-height * side // TILE)
+        self._done = 0  # tiles, from the first
+        # Where nothing is drawn: the background, rounded as composite.cl rounds it.
+        empty = [0.0] * 4 if background is None else [*background, 1.0]
+        self._empty = (np.array(empty, np.float32) * np.float32(255) + np.float32(0.5)).astype(np.uint8).view(np.uint32)
+        red, green, blue = background or (0.0, 0.0, 0.0)
+        self._over = {"red": red, "green": green, "blue": blue, "has_background": background is not None}
+        self._places = {
+            "columns": -(-width * side // TILE),
+            "side": side,
+            "width": width,
+            "height": height,
+            "keep_color": self._color is not None,
+            "image": self._image,
+            "color": self._color,
+        }
+
+    def _clear(self, end: int) -> None:
+        """Fills the tiles before `end` that nothing was drawn in."""
+        kernel = program(self.gpu, "composite.cl", self.features)["clear"]
+        tiles, first, self._done = end - self._done, self._done, end
+        launch(self.gpu, STAGE, kernel, tiles, self.gpu.lanes, first_tile=first, empty=self._empty[0], **self._places)
+
+    def put(self, batch: Batch, layer: cl.Buffer) -> None:
+        """Composites a layer, float32 [tiles, TILE_PIXELS, 4], over the background into its place; batches in order."""
+        self._clear(batch.first_tile)
+        self._done = batch.last_tile + 1
+        kernel = program(self.gpu, "composite.cl", self.features)["composite"]
         launch(
             self.gpu,
             STAGE,
-            program(self.gpu, "composite.cl", features)["composite"],
+            kernel,
             batch.tiles,
             self.gpu.lanes,
             layer=layer,
             first_tile=batch.first_tile,
-            columns=-(-width * self.side // TILE),
-            side=self.side,
-            width=width,
-            height=height,
-            red=red,
-            green=green,
-            blue=blue,
-            has_background=self.background is not None,
-            keep_color=self._color is not None,
-            image=self._image,
-            color=self._color,
+            **self._over,
+            **self._places,
         )
 
     def finish(self) -> None:
-        """Brings everything drawn to the host and lets go of the device's side."""
+        """Completes what holds nothing, and brings everything drawn to the host."""
+        self._clear(self._tiles)
         for held, array in ((self._image, self.image), (self._color, self.color)):
             if held is None or array is None:
                 continue
@@ -78,5 +98,4 @@ class Picture:
                 self.gpu.queue, held, cl.map_flags.READ, 0, array.shape, array.dtype, is_blocking=True
             )
             mapped.base.release(self.gpu.queue)
-            self.gpu.queue.finish()
-            held.release()
+        self.gpu.queue.finish()

@@ -18,17 +18,24 @@ Extents then stay below 2**25, edge functions below 2**51, and every coordinate 
 MAX_SIDE = 1 << 16
 """Most pixels on a side of the image; half of it lies inside the guard band."""
 
-SMALL_EXTENT = 1 << 14
-"""A triangle of fewer subpixels (64 pixels) a side has 32-bit edge functions all over the tiles it meets:
-|E| <= 2 * 2**14 * (2**14 + 2**12) < 2**31."""
+SMALL_EXTENT = 1 << 18
+"""A triangle of fewer subpixels (1,024 pixels) a side has edge functions that fit 32 bits all over the tiles it meets,
+in steps of SUBPIXELS (raster.cl): |E| <= 2 * 2**18 * (2**18 + 2**12) < 2**38."""
 
 TILE = 16
 """Pixels on a side of a tile."""
 
 TILE_PIXELS = TILE * TILE
 
+BLOCK = 4
+"""Pixels on a side of a block: a tile is walked block by block, and its pixels lie so in memory (common.h)."""
+
+BLOCK_PIXELS = BLOCK * BLOCK
+BLOCKS_A_ROW = TILE // BLOCK
+TILE_BLOCKS = BLOCKS_A_ROW * BLOCKS_A_ROW
+
 FRAGMENT_BYTES = 8
-"""A fragment: its depth key and its payload."""
+"""A fragment: its depth key and its payload, as one integer that orders it (raster.cl)."""
 
 COLOR_BYTES = 16
 """A colour of four floats: a fragment's own where it varies over a face, and a pixel of a layer."""
@@ -42,14 +49,23 @@ CLIP_TRIANGLES = MAX_CLIP_VERTICES - 2
 CLIPPED_FACE = 0xFFFF
 """First pixel column of a face whose records are a clipped fan: it has no columns, being greater than the last."""
 
-RUN_MAX = 64
-"""Deepest pixel that is sorted in private memory, and the length of the runs that longer lists are merged from."""
+RUN_MAX = 128
+"""Fragments of a pixel that are held in private memory at once: deeper ones are sorted in global memory (sort.cl)."""
 
 AMBIENT = 0.2
 """Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""
 
 # Outcodes of a projected vertex: one bit for each clipping plane it lies outside of.
 OUT_NEAR, OUT_FAR, OUT_LEFT, OUT_RIGHT, OUT_TOP, OUT_BOTTOM, NOT_FINITE = (1 << bit for bit in range(7))
+
+# What a face needs: nothing (0), a record, clipping, or to be counted as not finite.
+DRAWN, CLIPPED, DISCARDED = 1, 2, 3
+
+LIST_RUN = 64
+"""Faces that are sifted at once (projection.cl)."""
+
+PADDING = 16
+"""Vertices, faces or records that a work-item may write past the last one: as many as it does at once (wide.h)."""
 
 VERTEX = np.dtype(
     [
@@ -79,10 +95,7 @@ TRIANGLE = np.dtype(
 )
 """What the rasterizer needs of a triangle: 64 bytes, a cache line."""
 
-COUNTERS = np.dtype([("discarded", np.uint32), ("clipped", np.uint32), ("collected", np.uint32)])
-"""What projection counts."""
-
-STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE, "Counters": COUNTERS}
+STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE}
 
 _C_TYPES = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
 
@@ -110,14 +123,20 @@ class Features:
 
     @property
     def strip(self) -> int:
-        """Pixels of a row that a lane tests at once."""
-        return min(TILE, TILE_PIXELS // self.lanes)
+        """Pixels of a block that a lane works on at once."""
+        return min(BLOCK_PIXELS, TILE_PIXELS // self.lanes)
+
+    @property
+    def wide(self) -> int:
+        """Vertices or triangles that a work-item computes at once: one that has a tile to itself has vectors too."""
+        return PADDING if self.lanes == 1 else 1
 
     def options(self) -> list[str]:
         """-D options for the kernels."""
         flags = {
             "LANES": self.lanes,
             "STRIP": self.strip,
+            "WIDE": self.wide,
             "PERSPECTIVE": int(self.perspective),
             "LOW_POSITIONS": int(self.low_positions),
             "COLOR_RATE_FACE": int(self.color_rate == "face"),

@@ -9,13 +9,16 @@ import pyopencl as cl
 
 from clpeel.camera import Camera
 from clpeel.device import Gpu
-from clpeel.layout import CLIP_TRIANGLES, COUNTERS, TRIANGLE, VERTEX, Features
-from clpeel.program import GROUP, launch, program
+from clpeel.layout import CLIP_TRIANGLES, PADDING, TRIANGLE, VERTEX, Features
+from clpeel.program import launch, program
 from clpeel.scene import Positions, Scene
 
 STAGE = "projection"
 BOUNDS_BYTES = 8
 WEIGHTS_BYTES = 36
+STATE_BYTES = 1
+LISTED_BYTES = 4
+CHUNKS_A_UNIT = 8
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,8 @@ class DeviceScene:
 
 @dataclass(frozen=True)
 class Triangles:
-    """Screen triangles, a record a face in submission order and CLIP_TRIANGLES more for each clipped face.
+    """Screen triangles: a record for each face that may cover a sample, in submission order, and CLIP_TRIANGLES more behind
+    them for each clipped one.
 
     records: TRIANGLE [count]; bounds: uint16 [count, 4], the first and last pixel column and row (first > last: nothing
     to draw); weights: float32 [count, 3, 3] for colours that vary over a face, else None.
@@ -51,17 +55,24 @@ class Triangles:
     size: tuple[int, int]  # width, height in pixels
     view: tuple[float, float, float]  # view direction, unit length
     faces: int
+    listed: int
+    clipped: int
+    discarded: int
     records: cl.Buffer
     bounds: cl.Buffer
     weights: cl.Buffer | None
-    clipped: int
-    discarded: int
+
+    @property
+    def count(self) -> int:
+        """How many records there are."""
+        return self.listed + CLIP_TRIANGLES * self.clipped
 
     @property
     def nbytes(self) -> int:
-        """Bytes of vertices and records on the device."""
+        """Bytes of vertices, lists and records on the device."""
         record = TRIANGLE.itemsize + BOUNDS_BYTES + (WEIGHTS_BYTES if self.weights is not None else 0)
-        return VERTEX.itemsize * len(self.scene.scene.vertices) + record * (self.faces + CLIP_TRIANGLES * self.clipped)
+        lists = STATE_BYTES * self.faces + LISTED_BYTES * (self.listed + self.clipped)
+        return VERTEX.itemsize * len(self.scene.scene.vertices) + lists + record * self.count
 
 
 def upload(gpu: Gpu, scene: Scene, normals: bool = False) -> DeviceScene:
@@ -109,56 +120,76 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
     vertex_count, face_count = len(host.vertices), len(host.faces)
     clipping = camera.fitted_range(host)
     matrix, depth_near, depth_far = camera.projection(scene.grid.origin, scene.grid.scale, clipping, size)
-    vertices = gpu.buffer("vertices", (vertex_count + GROUP) * VERTEX.itemsize)
-    matrix_buffer = gpu.put("matrix", matrix)
+    vertices = gpu.buffer("vertices", (vertex_count + PADDING) * VERTEX.itemsize)
     view = {"width": size[0], "height": size[1]}
     points = {
         "positions": scene.positions,
         "low_positions": scene.low_positions,
-        "matrix": matrix_buffer,
+        "matrix": gpu.put("matrix", matrix),
         "depth_near": depth_near,
         "depth_far": depth_far,
     }
+    wide = features.wide
     launch(
         gpu,
         STAGE,
         kernels["project_vertices"],
-        vertex_count,
+        -(-vertex_count // wide),
         vertex_count=vertex_count,
         vertices=vertices,
         **points,
     )
-
-    faces = {"faces": scene.faces, "face_count": face_count}
-    records, outputs = face_count, dict[str, cl.Buffer | None]()
-    while True:  # a second round only where clipping needs more room than the buffers had
-        held = outputs
-        outputs = {
-            "triangles": gpu.buffer("triangles", records * TRIANGLE.itemsize),
-            "bounds": gpu.buffer("bounds", records * BOUNDS_BYTES),
-            "weights": gpu.buffer("weights", records * WEIGHTS_BYTES) if features.fragment_color else None,
-        }
-        if held and all(outputs[name] is held[name] for name in outputs):
-            break
-        counters = gpu.put("counters", np.zeros(1, COUNTERS))
-        indexed = {**faces, "vertex_count": vertex_count, "vertices": vertices, "counters": counters}
-        launch(gpu, STAGE, kernels["setup_triangles"], face_count, **indexed, **view, **outputs)
-        counted = gpu.get(counters, 1, COUNTERS)[0]
-        clipped = int(counted["clipped"])
-        records = face_count + CLIP_TRIANGLES * clipped
-    if clipped:
-        kernels = program(gpu, "clipping.cl", features)
-        listed = gpu.buffer("clipped", clipped * 4)
-        launch(gpu, STAGE, kernels["collect_clipped"], face_count, **indexed, clipped=listed)
-        ordered = np.sort(gpu.get(listed, clipped, np.uint32))
+    states = gpu.buffer("states", face_count + PADDING)
+    corners = {"faces": scene.faces, "vertex_count": vertex_count, "vertices": vertices}
+    launch(
+        gpu,
+        STAGE,
+        kernels["cull_triangles"],
+        -(-face_count // wide),
+        face_count=face_count,
+        states=states,
+        **corners,
+        **view,
+    )
+    chunk_faces = -(-face_count // min(CHUNKS_A_UNIT * int(gpu.device.max_compute_units), face_count))
+    chunks = -(-face_count // chunk_faces)
+    sifted = {"states": states, "face_count": face_count, "chunk_faces": chunk_faces}
+    chunk_counts = gpu.buffer("chunk_counts", 12 * chunks)
+    launch(gpu, STAGE, kernels["count_states"], chunks, 1, **sifted, chunk_counts=chunk_counts)
+    counts = gpu.get(chunk_counts, (chunks, 3), np.uint32)
+    listed_count, clipped_count, discarded = (int(total) for total in counts.sum(axis=0))
+    starts = np.cumsum(counts[:, :2], axis=0, dtype=np.uint32) - counts[:, :2]
+    count = listed_count + CLIP_TRIANGLES * clipped_count
+    listed = gpu.buffer("listed", LISTED_BYTES * listed_count)
+    clipped = gpu.buffer("clipped", LISTED_BYTES * clipped_count)
+    launch(
+        gpu,
+        STAGE,
+        kernels["list_triangles"],
+        chunks,
+        1,
+        **sifted,
+        chunk_starts=gpu.put("chunk_starts", starts),
+        listed=listed,
+        clipped=clipped,
+    )
+    outputs = {
+        "triangles": gpu.buffer("triangles", (count + PADDING) * TRIANGLE.itemsize),
+        "bounds": gpu.buffer("bounds", (count + PADDING) * BOUNDS_BYTES),
+        "weights": gpu.buffer("weights", (count + PADDING) * WEIGHTS_BYTES) if features.fragment_color else None,
+    }
+    lists = {"listed": listed, "listed_count": listed_count}
+    launch(gpu, STAGE, kernels["setup_triangles"], -(-listed_count // wide), **corners, **lists, **view, **outputs)
+    if clipped_count:
         launch(
             gpu,
             STAGE,
-            kernels["clip_triangles"],
-            clipped,
-            clipped=gpu.put("clipped", ordered),
-            clipped_count=clipped,
-            **faces,
+            program(gpu, "clipping.cl", features)["clip_triangles"],
+            clipped_count,
+            clipped=clipped,
+            clipped_count=clipped_count,
+            faces=scene.faces,
+            **lists,
             **points,
             **view,
             **outputs,
@@ -170,9 +201,10 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
         size=size,
         view=(float(direction[0]), float(direction[1]), float(direction[2])),
         faces=face_count,
+        listed=listed_count,
+        clipped=clipped_count,
+        discarded=discarded,
         records=outputs["triangles"],
         bounds=outputs["bounds"],
         weights=outputs["weights"],
-        clipped=clipped,
-        discarded=int(counted["discarded"]),
     )

@@ -22,7 +22,7 @@ from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE, TILE_PIXELS
 from clpeel.normals import with_normals
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
-from clpeel.raster import rasterize
+from clpeel.raster import CACHED_FRAGMENTS, rasterize
 from clpeel.scene import Scene
 from clpeel.techniques import technique as technique_named
 
@@ -73,6 +73,7 @@ class Renderer:
         self.scene = scene
         self.gpu: Gpu = open_device(device, lanes)
         self._uploaded: dict[str, DeviceScene] = {}
+        self._pictures: list[Picture] = []
 
     def _on_device(self, lighting: str) -> DeviceScene:
         if lighting not in LIGHTINGS:
@@ -81,6 +82,15 @@ class Renderer:
             lit = lighting != "none"
             self._uploaded[lighting] = upload(self.gpu, with_normals(self.scene) if lit else self.scene, lit)
         return self._uploaded[lighting]
+
+    def _picture(self, size: tuple[int, int], keep_color: bool) -> Picture:
+        """A picture to draw in: one of the last two, if nobody holds its result any more, or a new one."""
+        self._pictures = [held for held in self._pictures if held.fits(size, keep_color)][-2:]
+        for held in self._pictures:
+            if held.is_free():
+                return held
+        self._pictures.append(Picture(self.gpu, size, keep_color))
+        return self._pictures[-1]
 
     def render(
         self,
@@ -134,8 +144,10 @@ class Renderer:
         capacity = min(
             (budget - batch_budget) // fragment_bytes,
             largest // (COLOR_BYTES if triangles.features.fragment_color else FRAGMENT_BYTES),
+            CACHED_FRAGMENTS if gpu.lanes == 1 else largest,
         )
-        picture = Picture(gpu, size, side, over, keep_color)
+        picture = self._picture(size, keep_color)
+        picture.begin(triangles.features, side, over)
         fragment_count = layers_max = batches = 0
         total_pairs = max(int(tiles.tile_pairs.sum()), 1)
         for batch in tiles.batches(min(batch_budget, largest)):
@@ -150,7 +162,7 @@ class Renderer:
                     share = fragments.window_tile + fragments.tiles
                     done = int(tiles.tile_pairs[: batch.first_tile + share].sum())
                     report(done / total_pairs, "rendering")
-            picture.put(triangles.features, batch, layer)
+            picture.put(batch, layer)
         picture.finish()
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")

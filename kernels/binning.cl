@@ -1,6 +1,6 @@
 // Binning: for each tile the records that may cover it, in submission order.
 //
-//   bin_count    one work-item a chunk of faces: how many records of the chunk meet each tile
+//   bin_count    one work-item a chunk of the list: how many records of the chunk meet each tile
 //   bin_offsets  one work-item a tile: chunk counts to offsets within the tile's list, and the list's length
 //   bin_emit     one work-item a chunk: writes the lists of the tiles of one batch
 //
@@ -10,8 +10,8 @@
 // Whether a sample of the tile can lie inside: no edge has all of the tile's samples on its outer side.
 INLINE bool meets_tile(global const Triangle *t, int column, int row, int width, int height)
 {
-    int x0 = sample_at(column * TILE, width), x1 = x0 + (TILE - 1) * SUBPIXELS;
-    int y0 = sample_at(row * TILE, height), y1 = y0 + (TILE - 1) * SUBPIXELS;
+    int x0 = SAMPLE_AT(column * TILE, width), x1 = x0 + (TILE - 1) * SUBPIXELS;
+    int y0 = SAMPLE_AT(row * TILE, height), y1 = y0 + (TILE - 1) * SUBPIXELS;
     for (int a = 0; a < 3; ++a) {
         int b = a < 2 ? a + 1 : 0;
         int dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
@@ -22,12 +22,12 @@ INLINE bool meets_tile(global const Triangle *t, int column, int row, int width,
     return true;
 }
 
-// Runs BODY for each (record, tile) of the chunk's faces with first_row <= tile row <= last_row.
+// Runs BODY for each (record, tile) of the chunk's records with first_row <= tile row <= last_row.
 #define FOR_EACH_PAIR(BODY)                                                                                     \
-    for (uint face = first; face < last; ++face) {                                                              \
-        ushort4 reach = bounds[face];                                                                           \
+    for (uint place = first; place < last; ++place) {                                                              \
+        ushort4 reach = bounds[place];                                                                           \
         bool fan = reach.x == CLIPPED_FACE && reach.y == 0;                                                     \
-        uint record = fan ? face_count + CLIP_TRIANGLES * (reach.z | (uint)reach.w << 16) : face;               \
+        uint record = fan ? record_count + CLIP_TRIANGLES * (reach.z | (uint)reach.w << 16) : place;               \
         uint end = fan ? record + CLIP_TRIANGLES : record + 1;                                                  \
         for (; record < end; ++record) {                                                                        \
             ushort4 box = bounds[record];                                                                       \
@@ -45,12 +45,12 @@ INLINE bool meets_tile(global const Triangle *t, int column, int row, int width,
         }                                                                                                       \
     }
 
-kernel void bin_count(global const Triangle *triangles, global const ushort4 *bounds, uint face_count, uint chunk_faces,
+kernel void bin_count(global const Triangle *triangles, global const ushort4 *bounds, uint record_count, uint chunk_records,
                       int width, int height, int columns, int first_row, int last_row, uint tile_count,
                       global uint *counts)
 {
     uint chunk = get_global_id(0);
-    uint first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
+    uint first = chunk * chunk_records, last = MIN(first + chunk_records, record_count);
     global uint *mine = counts + (size_t)chunk * tile_count;
     for (uint tile = 0; tile < tile_count; ++tile) mine[tile] = 0;
     FOR_EACH_PAIR(++mine[tile];)
@@ -71,13 +71,13 @@ kernel void bin_offsets(uint chunk_count, uint tile_count, global uint *counts, 
 }
 
 // pair_start[tile - first_tile]: where the tile's list begins in `pairs`.
-kernel void bin_emit(global const Triangle *triangles, global const ushort4 *bounds, uint face_count, uint chunk_faces,
+kernel void bin_emit(global const Triangle *triangles, global const ushort4 *bounds, uint record_count, uint chunk_records,
                      int width, int height, int columns, int first_row, int last_row, uint tile_count,
                      uint first_tile, uint last_tile, global const uint *pair_start, global uint *counts,
                      global uint *pairs)
 {
     uint chunk = get_global_id(0);
-    uint first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
+    uint first = chunk * chunk_records, last = MIN(first + chunk_records, record_count);
     global uint *mine = counts + (size_t)chunk * tile_count;
     FOR_EACH_PAIR(if (tile >= first_tile && tile <= last_tile) pairs[pair_start[tile - first_tile] + mine[tile]++] = record;)
 }

@@ -1,17 +1,20 @@
-// The blend equations of the papers, as the hardware's fixed function would do them.
+// The blend equations of the papers, as the hardware's fixed function would do them, for STRIP pixels at once.
 #ifndef BLENDING_H
 #define BLENDING_H
 
 #include "common.h"
 
+// Colours side by side, a pixel an element. As what is blended into, `alpha` is the transmittance that is left.
+typedef struct { VECTOR(float) red, green, blue, alpha; } Colors;
+
 // Under blending (Bavoil and Myers 2008, "Under Blending"), front to back, with Adst = transmittance from 1:
 //   Cdst = Adst (Asrc Csrc) + Cdst,   Adst = (1 - Asrc) Adst.
-// Two variables, as each step waits for the last: a colour and transmittance in one vector would wait for its shuffles too.
-// color.w has no meaning.
-INLINE void blend_under(float4 *color, float *transmittance, float4 source)
+INLINE void blend_under(Colors *destination, const Colors *source)
 {
-    *color += *transmittance * (source.w * source);
-    *transmittance *= 1.0f - source.w;
+    destination->red += destination->alpha * (source->alpha * source->red);
+    destination->green += destination->alpha * (source->alpha * source->green);
+    destination->blue += destination->alpha * (source->alpha * source->blue);
+    destination->alpha *= 1.0f - source->alpha;
 }
 
 #endif

@@ -20,13 +20,10 @@
 #define CPU_TARGET 0
 #define INLINE static inline
 #endif
+#define UNROLL _Pragma("unroll")
+#define SCALAR_LOOP _Pragma("clang loop vectorize(disable) interleave(disable) unroll_count(4)")
 #define MIN(a, b) ((a) < (b) ? (a) : (b))
 #define MAX(a, b) ((a) > (b) ? (a) : (b))
-#if (defined(FP_FAST_FMAF) || defined(__FMA__)) && __has_builtin(__builtin_fmaf)
-#define FMA(a, b, c) __builtin_fmaf(a, b, c)
-#else
-#define FMA(a, b, c) fma(a, b, c)
-#endif
 #if __has_builtin(__builtin_convertvector)
 #define CONVERT(type, count, value) __builtin_convertvector(value, PASTE(type, count))
 #else
@@ -42,14 +39,6 @@
 #endif
 #define PREFETCH_DISTANCE 8
 
-// Nearest whole number, halves towards zero, |value| < 2^31.
-INLINE int nearest(float value)
-{
-    int whole = (int)value;
-    float rest = value - (float)whole;
-    return whole + (rest > 0.5f) - (rest < -0.5f);
-}
-
 INLINE float3 load3(global const float *array, uint index)
 {
     return (float3)(array[3 * index], array[3 * index + 1], array[3 * index + 2]);
@@ -60,9 +49,14 @@ INLINE uint3 load_face(global const uint *faces, uint index)
     return (uint3)(faces[3 * index], faces[3 * index + 1], faces[3 * index + 2]);
 }
 
-INLINE bool is_finite(float value) { return (as_uint(value) & 0x7F800000u) != 0x7F800000u; }
+// --- the pixels of a tile -----------------------------------------------------------------------------------------
+// Block by block, as triangles cover them:  pixel = 16 block + 4 (row in the block) + column in the block.
+INLINE int pixel_at(int column, int row)
+{
+    return (row / BLOCK * BLOCKS_A_ROW + column / BLOCK) * BLOCK_PIXELS + row % BLOCK * BLOCK + column % BLOCK;
+}
 
-// --- vectors of STRIP pixels ------------------------------------------------------------------------------------
+// --- vectors of STRIP pixels, consecutive ones of a block -----------------------------------------------------------
 #define VECTOR(type) PASTE(type, STRIP)
 #if STRIP == 16
 #define IOTA 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
@@ -74,48 +68,30 @@ INLINE bool is_finite(float value) { return (as_uint(value) & 0x7F800000u) != 0x
 #define IOTA 0, 1
 #endif
 
-// --- pairs of floats: an unevaluated sum of about 48 bits ----------------------------------------------------------
-// Dekker, "A floating-point technique for extending the available precision" (1971), with fma for the exact product.
-// Its halves are .hi and .lo. (Functions here return vectors and scalars only: a returned struct is a hidden pointer, which
-// some tools and compilers handle badly.)
-typedef float2 Pair;
-
-INLINE Pair pair_of(float high, float low) { return (float2)(low, high); }
-
-// The exact sum of two floats (Knuth): no assumption on their sizes.
-INLINE Pair two_sum(float a, float b)
+// Which elements are -1 rather than 0, a bit each.
+INLINE uint bits_of4(int4 truth)
 {
-    float s = a + b, t = s - a;
-    return pair_of(s, (a - (s - t)) + (b - t));
+    int4 bit = truth & (int4)(1, 2, 4, 8);
+    int2 either = bit.lo | bit.hi;
+    return (uint)(either.x | either.y);
 }
-
-// The same where |a| >= |b|.
-INLINE Pair quick_two_sum(float a, float b)
+INLINE uint bits_of8(int8 truth) { return bits_of4(truth.lo) | bits_of4(truth.hi) << 4; }
+INLINE uint bits_of16(int16 truth)
 {
-    float s = a + b;
-    return pair_of(s, b - (s - a));
+    int16 bit = truth & (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
+    int8 a = bit.lo | bit.hi;
+    int4 b = a.lo | a.hi;
+    int2 c = b.lo | b.hi;
+    return (uint)(c.x | c.y);
 }
+#define BITS_OF(truth) PASTE(bits_of, STRIP)(truth)
 
-INLINE Pair pair_add(Pair a, Pair b)
-{
-    Pair s = two_sum(a.hi, b.hi);
-    return quick_two_sum(s.hi, s.lo + (a.lo + b.lo));
-}
-
-INLINE Pair pair_sub(Pair a, Pair b) { return pair_add(a, pair_of(-b.hi, -b.lo)); }
-
-INLINE Pair pair_mul(Pair a, Pair b)
-{
-    float p = a.hi * b.hi, e = FMA(a.hi, b.hi, -p);
-    return quick_two_sum(p, e + (a.hi * b.lo + a.lo * b.hi));
-}
-
-INLINE Pair pair_div(Pair a, Pair b)
-{
-    float q = a.hi / b.hi;
-    float r = FMA(-q, b.hi, a.hi);  // exact
-    return quick_two_sum(q, ((r + a.lo) - q * b.lo) / b.hi);
-}
+// The lowest bit's place, of a number that is not zero.
+#if __has_builtin(__builtin_ctz)
+#define LOWEST_BIT(bits) __builtin_ctz(bits)
+#else
+#define LOWEST_BIT(bits) (31 - (int)clz((bits) & (0u - (bits))))
+#endif
 
 // --- depth ----------------------------------------------------------------------------------------------------------
 // Reversed depth (larger is nearer) to an unsigned key whose ascending order is front to back.
@@ -125,19 +101,14 @@ INLINE Pair pair_div(Pair a, Pair b)
     ((PASTE(as_, uints)(depth) & (uints)(0x80000000u)) != (uints)(0u) ? PASTE(as_, uints)(depth)                      \
                                                                    : ~(PASTE(as_, uints)(depth) | (uints)(0x80000000u)))
 // --- colour ---------------------------------------------------------------------------------------------------------
-INLINE float4 unpack_color(uint rgba) { return CONVERT(float, 4, as_uchar4(rgba)) / 255.0f; }
+// byte / 255, correctly rounded for every byte: 257 / 2^16 of it is exact, and what is left too small to be rounded wrongly.
+#define UNIT_OF(byte) ((byte) * 0x1.01p-8f + (byte) * 0x1.0101020p-24f)
 
 // --- the sample grid, in subpixels from the image's centre ---------------------------------------------------------
-INLINE int sample_at(int pixel, int side) { return pixel * SUBPIXELS + SUBPIXELS / 2 - side * (SUBPIXELS / 2); }
+#define SAMPLE_AT(pixel, side) ((pixel) * SUBPIXELS + (SUBPIXELS / 2 - (side) * (SUBPIXELS / 2)))
 
 // First pixel whose sample lies at or right of (below) the coordinate, and last one at or left of (above) it.
-INLINE int first_pixel(int coordinate, int side)
-{
-    return (coordinate + side * (SUBPIXELS / 2) + SUBPIXELS / 2 - 1) >> SUBPIXEL_BITS;
-}
-INLINE int last_pixel(int coordinate, int side)
-{
-    return (coordinate + side * (SUBPIXELS / 2) - SUBPIXELS / 2) >> SUBPIXEL_BITS;
-}
+#define FIRST_PIXEL_FROM(coordinate, side) (((coordinate) + ((side) * (SUBPIXELS / 2) + SUBPIXELS / 2 - 1)) >> SUBPIXEL_BITS)
+#define LAST_PIXEL_TO(coordinate, side) (((coordinate) + ((side) * (SUBPIXELS / 2) - SUBPIXELS / 2)) >> SUBPIXEL_BITS)
 
 #endif

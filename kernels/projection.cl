@@ -1,64 +1,166 @@
 // Projection: scene triangles to snapped screen triangles (projection.h).
 //
-//   project_vertices    one work-item a vertex: clip space in float pairs, then snapped to 1/256 pixel
-//   setup_triangles     one work-item a face: a record, or nothing, or a count of those that need clipping (clipping.cl)
+//   project_vertices    WIDE vertices a work-item: clip space in float pairs, then snapped to 1/256 pixel
+//   cull_triangles      WIDE faces a work-item: what each needs, DRAWN where it may cover a sample
+//   count_states        one work-item a chunk of faces: how many are DRAWN or CLIPPED, CLIPPED, DISCARDED
+//   list_triangles      one work-item a chunk: the faces that are DRAWN or CLIPPED, and which of them are CLIPPED
+//   setup_triangles     WIDE of the list a work-item: their records, in submission order
+//
+// Most faces of a fine mesh lie between the samples: they cost a look at their corners and nothing after that.
+// Items past the end do the last one again, into padding.
 #include "projection.h"
 
-// Which planes a vertex is outside of. Rounded once more than plane_distance(): a vertex on a plane to within a rounding
+// Which planes vertices are outside of. Rounded once more than plane_distance(): a vertex on a plane to within a rounding
 // may be called outside by one and inside by the other, and is then cut at its own place.
-INLINE uint outcode_of(ClipVertex v, DepthRange depth)
+INLINE Uints outcode_of(const ClipVertex *v, DepthRange depth)
 {
-    float guard = v.w.hi * GUARD_BAND;
-    return (v.z.hi > v.w.hi * depth.near ? OUT_NEAR : 0u) | (v.z.hi < v.w.hi * depth.far ? OUT_FAR : 0u) |
-           (v.x.hi < -guard ? OUT_LEFT : 0u) | (v.x.hi > guard ? OUT_RIGHT : 0u) |
-           (v.y.hi < -guard ? OUT_TOP : 0u) | (v.y.hi > guard ? OUT_BOTTOM : 0u);
+    Floats guard = v->w.hi * GUARD_BAND;
+    const Uints zero = (Uints)(0);
+    return (v->z.hi > v->w.hi * depth.near ? (Uints)(OUT_NEAR) : zero) |
+           (v->z.hi < v->w.hi * depth.far ? (Uints)(OUT_FAR) : zero) | (v->x.hi < -guard ? (Uints)(OUT_LEFT) : zero) |
+           (v->x.hi > guard ? (Uints)(OUT_RIGHT) : zero) | (v->y.hi < -guard ? (Uints)(OUT_TOP) : zero) |
+           (v->y.hi > guard ? (Uints)(OUT_BOTTOM) : zero);
 }
 
-// No branches, so that items run side by side: past the end the last vertex is done again, into padding.
 kernel void project_vertices(global const float *positions, global const float *low_positions,
                              global const float *matrix, float depth_near, float depth_far, uint vertex_count,
                              global Vertex *vertices)
 {
     const DepthRange depth = {depth_near, depth_far};
-    uint i = get_global_id(0), from = MIN(i, vertex_count - 1);
-    ClipVertex c;
-    to_clip_space(matrix, positions, low_positions, from, &c);
+    uint first = get_global_id(0) * WIDE;
+    if (first >= vertex_count) return;
+    Point point;
+    FOR_EACH_ELEMENT {
+        uint from = MIN(first + k, vertex_count - 1);
+        UNROLL for (int j = 0; j < 3; ++j) {
+            FLOAT_OF(point.high[j]) = positions[3 * from + j];
+            if (LOW_POSITIONS) FLOAT_OF(point.low[j]) = low_positions[3 * from + j];
+        }
+    }
+    ClipVertex v;
+    to_clip_space(matrix, &point, &v);
+    Corner corner;
+    to_screen(&v, &corner);
     // A NaN or infinity anywhere makes this sum one: positions are below 2^61, so it cannot overflow by itself.
-    float3 p = load3(positions, from);
-    // Field by field: the copy of a whole struct keeps a CPU compiler from running items side by side.
-    Vertex v;
-    to_screen(&c, &v);
-    vertices[i].x = v.x;
-    vertices[i].y = v.y;
-    vertices[i].offset_x = v.offset_x;
-    vertices[i].offset_y = v.offset_y;
-    vertices[i].depth = v.depth;
-    vertices[i].outcode = is_finite((p.x + p.y) + p.z) ? outcode_of(c, depth) : NOT_FINITE;
+    Uints outcode = IS_FINITE((point.high[0] + point.high[1]) + point.high[2]) ? outcode_of(&v, depth) : (Uints)(NOT_FINITE);
+    FOR_EACH_ELEMENT {
+        vertices[first + k].x = INT_OF(corner.x);
+        vertices[first + k].y = INT_OF(corner.y);
+        vertices[first + k].offset_x = FLOAT_OF(corner.offset_x);
+        vertices[first + k].offset_y = FLOAT_OF(corner.offset_y);
+        vertices[first + k].depth = FLOAT_OF(corner.depth);
+        vertices[first + k].outcode = (uint)INT_OF(outcode);
+    }
 }
 
-kernel void setup_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
-                            int width, int height, global Triangle *triangles, global ushort4 *bounds,
-                            global float *weights, volatile global uint *counters)
+// Whether triangles that reach at most 2 x 2 samples cover one: their edge functions (raster.cl) at each of those.
+INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height)
 {
-    uint i = get_global_id(0);
-    if (i >= face_count) return;
-    uint3 face = load_face(faces, i);
-    bounds[i] = (ushort4)(1, 0, 1, 0);
-    // The host refuses such faces; this guard is for memory's sake.
-    if (MAX(face.x, MAX(face.y, face.z)) >= vertex_count) return;
-    Vertex corner[3] = {vertices[face.x], vertices[face.y], vertices[face.z]};
-    uint any = corner[0].outcode | corner[1].outcode | corner[2].outcode;
-    if (any) {
-        if (any & NOT_FINITE) atomic_inc(counters);  // Counters.discarded
-        else if (!(corner[0].outcode & corner[1].outcode & corner[2].outcode)) atomic_inc(counters + 1);
-        return;
+    Ints covers = (Ints)(0);
+    UNROLL for (int s = 0; s < 4; ++s) {
+        Ints column = reach->left + (Ints)(s % 2), row = reach->top + (Ints)(s / 2);
+        Ints here = (column <= reach->right) & (row <= reach->bottom);
+        UNROLL for (int a = 0; a < 3; ++a) {
+            int b = a < 2 ? a + 1 : 0;
+            Ints dx = x[b] - x[a], dy = y[b] - y[a];
+            dx = flip ? -dx : dx, dy = flip ? -dy : dy;
+            Ints e = dx * (SAMPLE_AT(row, height) - y[a]) - dy * (SAMPLE_AT(column, width) - x[a]);
+            Ints owned = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0)));
+            here &= (e > (Ints)(0)) | ((e == (Ints)(0)) & owned);
+        }
+        covers |= here;
     }
-    float moved[3][3];
-    int order[3];
-    if (!make_triangle(corner, i, width, height, triangles + i, bounds + i, moved, order)) return;
+    return covers;
+}
+
+kernel void cull_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
+                           int width, int height, global uchar *states)
+{
+    uint first = get_global_id(0) * WIDE;
+    if (first >= face_count) return;
+    Ints x[3], y[3];
+    Uints outcode[3];
+    FOR_EACH_ELEMENT UNROLL for (int j = 0; j < 3; ++j) {
+        uint vertex = faces[3 * MIN(first + k, face_count - 1) + j];
+        // The host refuses such faces; this guard is for memory's sake.
+        global const Vertex *v = vertices + MIN(vertex, vertex_count - 1);
+        INT_OF(x[j]) = v->x, INT_OF(y[j]) = v->y, INT_OF(outcode[j]) = (int)v->outcode;
+    }
+    Reach reach;
+    reach_of(x, y, width, height, &reach);
+    Longs area = area_of(x, y);
+    Ints drawn = (reach.left <= reach.right) & (reach.top <= reach.bottom) & TO(Ints, area != (Longs)(0));
+    Ints few = (reach.right - reach.left < (Ints)(2)) & (reach.bottom - reach.top < (Ints)(2));
+    drawn &= !few | covers_a_sample(x, y, TO(Ints, area < (Longs)(0)), &reach, width, height);
+    Uints any = outcode[0] | outcode[1] | outcode[2], all = outcode[0] & outcode[1] & outcode[2];
+    const Uints zero = (Uints)(0);
+    Uints state = (any & (Uints)(NOT_FINITE)) != zero ? (Uints)(DISCARDED)
+                  : all != zero                       ? zero
+                  : any != zero                       ? (Uints)(CLIPPED)
+                  : drawn                             ? (Uints)(DRAWN)
+                                                      : zero;
+    FOR_EACH_ELEMENT states[first + k] = (uchar)INT_OF(state);
+}
+
+kernel void count_states(global const uchar *states, uint face_count, uint chunk_faces, global uint *chunk_counts)
+{
+    uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
+    uint listed = 0, clipped = 0, discarded = 0;
+    for (uint face = first; face < last; ++face) {
+        uint state = states[face];
+        listed += state == DRAWN || state == CLIPPED;
+        clipped += state == CLIPPED;
+        discarded += state == DISCARDED;
+    }
+    chunk_counts[3 * chunk] = listed, chunk_counts[3 * chunk + 1] = clipped, chunk_counts[3 * chunk + 2] = discarded;
+}
+
+// chunk_starts: where the chunk's faces begin in the two lists. clipped: places in `listed`.
+kernel void list_triangles(global const uchar *states, uint face_count, uint chunk_faces, global const uint2 *chunk_starts,
+                           global uint *listed, global uint *clipped)
+{
+    uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
+    uint2 next = chunk_starts[chunk];
+    for (uint from = first; from < last; from += LIST_RUN) {
+        // Written whether it stays or is overwritten by the next: no branch to guess.
+        uint run[LIST_RUN + 1], count = 0;
+        for (uint face = from; face < MIN(from + LIST_RUN, last); ++face) {
+            run[count] = face;
+            count += states[face] == DRAWN || states[face] == CLIPPED;
+        }
+        for (uint k = 0; k < count; ++k) {
+            if (states[run[k]] == CLIPPED) clipped[next.y++] = next.x + k;
+            listed[next.x + k] = run[k];
+        }
+        next.x += count;
+    }
+}
+
+kernel void setup_triangles(global const uint *faces, uint vertex_count, global const Vertex *vertices,
+                            global const uint *listed, uint listed_count, int width, int height,
+                            global Triangle *triangles, global ushort4 *bounds, global float *weights)
+{
+    uint first = get_global_id(0) * WIDE;
+    if (first >= listed_count) return;
+    Uints source;
+    Corner corner[3];
+    FOR_EACH_ELEMENT {
+        uint face = listed[MIN(first + k, listed_count - 1)];
+        INT_OF(source) = (int)face;
+        UNROLL for (int j = 0; j < 3; ++j) {
+            global const Vertex *v = vertices + MIN(faces[3 * face + j], vertex_count - 1);
+            INT_OF(corner[j].x) = v->x, INT_OF(corner[j].y) = v->y;
+            FLOAT_OF(corner[j].offset_x) = v->offset_x, FLOAT_OF(corner[j].offset_y) = v->offset_y;
+            FLOAT_OF(corner[j].depth) = v->depth;
+        }
+    }
+    Arrangement arrangement;
+    make_triangles(corner, source, width, height, first, triangles, bounds, &arrangement);
 #if FRAGMENT_COLOR
-    float share[3][3] = {{0}};
-    for (int k = 0; k < 3; ++k) share[k][k] = PERSPECTIVE ? corner[k].depth : 1.0f;
-    store_weights(weights, i, moved, order, share);
+    Floats share[3][3];
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            share[i][j] = i != j ? (Floats)(0.0f) : PERSPECTIVE ? corner[i].depth : (Floats)(1.0f);
+    store_weights(weights, first, &arrangement, share);
 #endif
 }

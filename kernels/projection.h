@@ -6,66 +6,101 @@
 #ifndef PROJECTION_H
 #define PROJECTION_H
 
-#include "common.h"
+#include "wide.h"
 
 typedef struct { float near, far; } DepthRange;
 
-typedef struct { Pair x, y, z, w; float3 weight; } ClipVertex;
+typedef struct { Pair x, y, z, w; } ClipVertex;
+
+// A corner on the screen (layout.py, VERTEX).
+typedef struct { Ints x, y; Floats offset_x, offset_y, depth; } Corner;
+
+// A position, and what float32 leaves of it.
+typedef struct { Floats high[3], low[3]; } Point;
 
 // A row of the matrix (four floats, then the same four's low parts) times a point.
-INLINE Pair row_times(global const float *row, float3 high, float3 low)
+INLINE void row_times(global const float *row, const Point *point, Pair *product)
 {
-    Pair sum = pair_of(row[3], row[7]);
-#define TERM(k, component)                                                                 \
-    {                                                                                      \
-        float p = row[k] * high.component, e = FMA(row[k], high.component, -p);            \
-        e += row[4 + k] * high.component;                                                  \
-        if (LOW_POSITIONS) e += row[k] * low.component;                                    \
-        Pair s = two_sum(sum.hi, p);                                                       \
-        sum = pair_of(s.hi, sum.lo + (s.lo + e));                                          \
+    Pair sum = {(Floats)(row[3]), (Floats)(row[7])};
+    UNROLL for (int k = 0; k < 3; ++k) {
+        Floats p = row[k] * point->high[k], e = FMA((Floats)(row[k]), point->high[k], -p), before = sum.lo;
+        e += row[4 + k] * point->high[k];
+        if (LOW_POSITIONS) e += row[k] * point->low[k];
+        two_sum(sum.hi, p, &sum);
+        sum.lo = before + (sum.lo + e);
     }
-    TERM(0, x) TERM(1, y) TERM(2, z)
-#undef TERM
-    return quick_two_sum(sum.hi, sum.lo);
+    quick_two_sum(sum.hi, sum.lo, product);
 }
 
-INLINE void to_clip_space(global const float *matrix, global const float *positions, global const float *low_positions,
-                          uint vertex, ClipVertex *v)
+INLINE void to_clip_space(global const float *matrix, const Point *point, ClipVertex *v)
 {
-    float3 high = load3(positions, vertex), low = (float3)(0.0f);
-    if (LOW_POSITIONS) low = load3(low_positions, vertex);
-    v->x = row_times(matrix, high, low);
-    v->y = row_times(matrix + 8, high, low);
-    v->z = row_times(matrix + 16, high, low);
-    v->w = row_times(matrix + 24, high, low);
+    row_times(matrix, point, &v->x);
+    row_times(matrix + 8, point, &v->y);
+    row_times(matrix + 16, point, &v->z);
+    row_times(matrix + 24, point, &v->w);
 }
 
 // Nearest subpixel to a pair, and what is left of it.
-INLINE int snap(Pair value, float *offset)
+INLINE Ints snap(const Pair *value, Floats *offset)
 {
-    int whole = nearest(value.hi);
-    float rest = (value.hi - (float)whole) + value.lo;
-    int step = nearest(rest);
-    *offset = rest - (float)step;
+    Ints whole = nearest(value->hi);
+    Floats rest = (value->hi - TO(Floats, whole)) + value->lo;
+    Ints step = nearest(rest);
+    *offset = rest - TO(Floats, step);
     return whole + step;
 }
 
-INLINE void to_screen(const ClipVertex *c, Vertex *v)
+INLINE void to_screen(const ClipVertex *v, Corner *corner)
 {
-    v->x = snap(pair_div(c->x, c->w), &v->offset_x);
-    v->y = snap(pair_div(c->y, c->w), &v->offset_y);
-    v->depth = pair_div(c->z, c->w).hi;
-    v->outcode = 0;
+    Pair x, y, depth;
+    pair_div(&v->x, &v->w, &x);
+    pair_div(&v->y, &v->w, &y);
+    pair_div(&v->z, &v->w, &depth);
+    corner->x = snap(&x, &corner->offset_x);
+    corner->y = snap(&y, &corner->offset_y);
+    corner->depth = depth.hi;
+}
+
+// The pixels whose samples a box of corners reaches, in the image; none where first > last.
+typedef struct { Ints left, right, top, bottom; } Reach;
+
+INLINE void reach_of(const Ints *x, const Ints *y, int width, int height, Reach *reach)
+{
+    reach->left = MAX(FIRST_PIXEL_FROM(MIN(x[0], MIN(x[1], x[2])), width), (Ints)(0));
+    reach->right = MIN(LAST_PIXEL_TO(MAX(x[0], MAX(x[1], x[2])), width), (Ints)(width - 1));
+    reach->top = MAX(FIRST_PIXEL_FROM(MIN(y[0], MIN(y[1], y[2])), height), (Ints)(0));
+    reach->bottom = MIN(LAST_PIXEL_TO(MAX(y[0], MAX(y[1], y[2])), height), (Ints)(height - 1));
+}
+
+// Twice the signed area, positive where the corners run clockwise as seen (y down).
+INLINE Longs area_of(const Ints *x, const Ints *y)
+{
+    return TO(Longs, x[1] - x[0]) * TO(Longs, y[2] - y[0]) - TO(Longs, x[2] - x[0]) * TO(Longs, y[1] - y[0]);
 }
 
 // The one order of corners: farthest, then topmost, then leftmost.
-INLINE bool is_before(const Vertex *a, const Vertex *b)
+INLINE Ints is_before(const Corner *a, const Corner *b)
 {
-    if (a->depth != b->depth) return a->depth < b->depth;
-    return a->y != b->y ? a->y < b->y : a->x < b->x;
+    return (a->depth < b->depth) |
+           ((a->depth == b->depth) & ((a->y < b->y) | ((a->y == b->y) & (a->x < b->x))));
 }
 
-// Writes the record of a triangle with these corners, and its bounds; false when it covers no sample.
+INLINE void choose(Ints which, const Corner *there, const Corner *otherwise, Corner *chosen)
+{
+    chosen->x = which ? there->x : otherwise->x;
+    chosen->y = which ? there->y : otherwise->y;
+    chosen->offset_x = which ? there->offset_x : otherwise->offset_x;
+    chosen->offset_y = which ? there->offset_y : otherwise->offset_y;
+    chosen->depth = which ? there->depth : otherwise->depth;
+}
+
+// Where the corners of a triangle went when it was made, and their barycentric coordinates in the exact triangle.
+typedef struct {
+    Ints order[3];  // the given corner that is now at each place
+    Floats moved[3][3];  // moved[k][j]: share of corner j (as now ordered) at the snapped place of corner k
+} Arrangement;
+
+// Writes the records of WIDE triangles from `record` on, and their bounds; first > last where one covers no sample.
 //
 // Depth is linear over the screen. Snapping moves the corners by up to 1/512 pixel, so the plane is evaluated at the
 // snapped corners: where triangles cross, the picture is then that of the exact triangles. The same matrix `moved`
@@ -74,74 +109,83 @@ INLINE bool is_before(const Vertex *a, const Vertex *b)
 // The corners are first put into one order, whichever the face gave them in: positive area with y down, the farthest (then
 // topmost, then leftmost) first. Coincident faces then have the same depths to the bit, and stay in submission order; and
 // a fragment's depth is the farthest corner's plus what the others add, so that only what they add is rounded often.
-INLINE bool make_triangle(const Vertex *given, uint source, int width, int height, global Triangle *triangle,
-                          global ushort4 *bounds, float moved[3][3], int order[3])
+INLINE void make_triangles(const Corner *given, Uints source, int width, int height, uint record,
+                           global Triangle *triangles, global ushort4 *bounds, Arrangement *arrangement)
 {
-    int first = 0;
-    for (int k = 1; k < 3; ++k)
-        if (is_before(given + k, given + first)) first = k;
-    int second = first < 2 ? first + 1 : 0, third = first > 0 ? first - 1 : 2;
-    int2 a = (int2)(given[second].x - given[first].x, given[second].y - given[first].y);
-    int2 b = (int2)(given[third].x - given[first].x, given[third].y - given[first].y);
-    long area = (long)a.x * b.y - (long)b.x * a.y;
-    bool flip = area < 0;
-    order[0] = first, order[1] = flip ? third : second, order[2] = flip ? second : third;
-    const Vertex c0 = given[order[0]], c1 = given[order[1]], c2 = given[order[2]];
-    area = flip ? -area : area;
-
-    int x_min = MIN(c0.x, MIN(c1.x, c2.x)), x_max = MAX(c0.x, MAX(c1.x, c2.x));
-    int y_min = MIN(c0.y, MIN(c1.y, c2.y)), y_max = MAX(c0.y, MAX(c1.y, c2.y));
-    int left = MAX(first_pixel(x_min, width), 0), right = MIN(last_pixel(x_max, width), width - 1);
-    int top = MAX(first_pixel(y_min, height), 0), bottom = MIN(last_pixel(y_max, height), height - 1);
-    if (area == 0 || left > right || top > bottom) {
-        *bounds = (ushort4)(1, 0, 1, 0);
-        return false;
+    // Turned until the first is first; then the other two swapped where the area is negative.
+    Corner nearest_two, c[3];
+    Ints second = is_before(given + 1, given);
+    choose(second, given + 1, given, &nearest_two);
+    Ints third = is_before(given + 2, &nearest_two);
+    Ints x[3] = {given[0].x, given[1].x, given[2].x}, y[3] = {given[0].y, given[1].y, given[2].y};
+    Longs area = area_of(x, y);
+    Ints flip = TO(Ints, area < (Longs)(0)), first = third ? (Ints)(2) : second ? (Ints)(1) : (Ints)(0);
+    area = area < (Longs)(0) ? -area : area;
+    UNROLL for (int k = 0; k < 3; ++k) {
+        Ints place = first + (k == 0 ? (Ints)(0) : flip ? (Ints)(3 - k) : (Ints)(k));
+        place = place > (Ints)(2) ? place - (Ints)(3) : place;
+        arrangement->order[k] = place;
+        choose(place == (Ints)(1), given + 1, given, c + k);
+        choose(place == (Ints)(2), given + 2, c + k, c + k);
+        x[k] = c[k].x, y[k] = c[k].y;
     }
-    *bounds = (ushort4)(left, right, top, bottom);
-    triangle->left_right = (uint)left | (uint)right << 16;
-    triangle->top_bottom = (uint)top | (uint)bottom << 16;
+
+    Reach reach;
+    reach_of(x, y, width, height, &reach);
+    Ints none = (reach.left > reach.right) | (reach.top > reach.bottom) | TO(Ints, area == (Longs)(0));
+    reach.left = none ? (Ints)(1) : reach.left, reach.right = none ? (Ints)(0) : reach.right;
+    Ints extent = MAX(MAX(x[0], MAX(x[1], x[2])) - MIN(x[0], MIN(x[1], x[2])),
+                      MAX(y[0], MAX(y[1], y[2])) - MIN(y[0], MIN(y[1], y[2])));
 
     // The exact corners relative to the first, and the gradients of the barycentric coordinates 1 and 2.
-    float2 e = (float2)((float)(c1.x - c0.x) + (c1.offset_x - c0.offset_x),
-                        (float)(c1.y - c0.y) + (c1.offset_y - c0.offset_y));
-    float2 f = (float2)((float)(c2.x - c0.x) + (c2.offset_x - c0.offset_x),
-                        (float)(c2.y - c0.y) + (c2.offset_y - c0.offset_y));
-    float exact_area = e.x * f.y - f.x * e.y;
-    float2 g1 = (float2)(f.y, -f.x) / exact_area, g2 = (float2)(-e.y, e.x) / exact_area;
+    Floats e_x = TO(Floats, x[1] - x[0]) + (c[1].offset_x - c[0].offset_x);
+    Floats e_y = TO(Floats, y[1] - y[0]) + (c[1].offset_y - c[0].offset_y);
+    Floats f_x = TO(Floats, x[2] - x[0]) + (c[2].offset_x - c[0].offset_x);
+    Floats f_y = TO(Floats, y[2] - y[0]) + (c[2].offset_y - c[0].offset_y);
+    Floats exact_area = e_x * f_y - f_x * e_y;
+    Floats g1_x = f_y / exact_area, g1_y = -f_x / exact_area, g2_x = -e_y / exact_area, g2_y = e_x / exact_area;
     // A sliver that snapping turned over has no use for its gradients: leave it as it is.
-    if (!(exact_area > 0.0f) || !is_finite((g1.x + g1.y) + (g2.x + g2.y))) g1 = g2 = (float2)(0.0f);
-    float first_shift = 0.0f;
-    for (int k = 0; k < 3; ++k) {
-        const Vertex c = k == 0 ? c0 : k == 1 ? c1 : c2;
-        float m1 = -(g1.x * c.offset_x + g1.y * c.offset_y), m2 = -(g2.x * c.offset_x + g2.y * c.offset_y);
-        moved[k][0] = (k == 0 ? 1.0f : 0.0f) - (m1 + m2);
-        moved[k][1] = (k == 1 ? 1.0f : 0.0f) + m1;
-        moved[k][2] = (k == 2 ? 1.0f : 0.0f) + m2;
-        triangle->x[k] = c.x;
-        triangle->y[k] = c.y;
-        float shift = m1 * (c1.depth - c0.depth) + m2 * (c2.depth - c0.depth);
+    Ints useless = !(exact_area > (Floats)(0.0f)) | !IS_FINITE((g1_x + g1_y) + (g2_x + g2_y));
+    g1_x = useless ? (Floats)(0.0f) : g1_x, g1_y = useless ? (Floats)(0.0f) : g1_y;
+    g2_x = useless ? (Floats)(0.0f) : g2_x, g2_y = useless ? (Floats)(0.0f) : g2_y;
+    Floats depth[3], first_shift = (Floats)(0.0f);
+    UNROLL for (int k = 0; k < 3; ++k) {
+        Floats m1 = -(g1_x * c[k].offset_x + g1_y * c[k].offset_y), m2 = -(g2_x * c[k].offset_x + g2_y * c[k].offset_y);
+        arrangement->moved[k][0] = (k == 0 ? 1.0f : 0.0f) - (m1 + m2);
+        arrangement->moved[k][1] = (k == 1 ? 1.0f : 0.0f) + m1;
+        arrangement->moved[k][2] = (k == 2 ? 1.0f : 0.0f) + m2;
+        Floats shift = m1 * (c[1].depth - c[0].depth) + m2 * (c[2].depth - c[0].depth);
         if (k == 0) first_shift = shift;
-        triangle->depth[k] = k == 0 ? c.depth + shift : (c.depth - c0.depth) + (shift - first_shift);
+        depth[k] = k == 0 ? c[k].depth + shift : (c[k].depth - c[0].depth) + (shift - first_shift);
     }
-    triangle->depth_min = c0.depth;
-    triangle->depth_max = MAX(c1.depth, c2.depth);
-    triangle->inverse_area = 1.0f / (float)area;
-    triangle->source = source;
-    triangle->small = MAX(x_max - x_min, y_max - y_min) < SMALL_EXTENT;
-    return true;
+    Floats depth_max = MAX(c[1].depth, c[2].depth), inverse_area = (Floats)(1.0f) / TO(Floats, area);
+    FOR_EACH_ELEMENT {
+        ushort4 box = (ushort4)(INT_OF(reach.left), INT_OF(reach.right), INT_OF(reach.top), INT_OF(reach.bottom));
+        bounds[record + k] = box;
+        global Triangle *t = triangles + record + k;
+        for (int j = 0; j < 3; ++j) t->x[j] = INT_OF(x[j]), t->y[j] = INT_OF(y[j]), t->depth[j] = FLOAT_OF(depth[j]);
+        t->depth_min = FLOAT_OF(c[0].depth);
+        t->depth_max = FLOAT_OF(depth_max);
+        t->inverse_area = FLOAT_OF(inverse_area);
+        t->source = (uint)INT_OF(source);
+        t->small = INT_OF(extent) < SMALL_EXTENT;
+        t->left_right = (uint)box.x | (uint)box.y << 16;
+        t->top_bottom = (uint)box.z | (uint)box.w << 16;
+    }
 }
 
-// weights[3 k + j]: share of the face's vertex j at corner k, over w, so that interpolation is perspective-correct.
-// share[i][j]: the same at the given corner i.
-INLINE void store_weights(global float *weights, uint record, float moved[3][3], const int order[3],
-                          const float share[3][3])
+// weights[9 record + 3 k + j]: share of the face's vertex j at corner k, over w, so that interpolation is
+// perspective-correct. share[i][j]: the same at the given corner i.
+INLINE void store_weights(global float *weights, uint record, const Arrangement *arrangement, const Floats share[3][3])
 {
-    for (int k = 0; k < 3; ++k)
-        for (int j = 0; j < 3; ++j) {
-            float sum = 0.0f;
-            for (int i = 0; i < 3; ++i) sum += moved[k][i] * share[order[i]][j];
-            weights[9 * record + 3 * k + j] = sum;
-        }
+    FOR_EACH_ELEMENT
+        for (int corner = 0; corner < 3; ++corner)
+            for (int j = 0; j < 3; ++j) {
+                float sum = 0.0f;
+                for (int i = 0; i < 3; ++i)
+                    sum += FLOAT_OF(arrangement->moved[corner][i]) * FLOAT_OF(share[INT_OF(arrangement->order[i])][j]);
+                weights[9 * (record + k) + 3 * corner + j] = sum;
+            }
 }
 
 #endif

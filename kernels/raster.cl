@@ -3,132 +3,189 @@
 //   count_fragments   one work-group a tile: how many fragments each pixel gets
 //   emit_fragments    the same walk again: writes them where the counts say
 //
-// A tile of TILE x TILE pixels is cut into strips of STRIP pixels of a row; strip s belongs to lane s % LANES, which alone
-// writes its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order:
+// A tile's blocks of 4 x 4 pixels are cut into strips of STRIP pixels; strip s belongs to lane s % LANES, which alone writes
+// its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order:
 //
-//   fragments:  | pixel 0: first submitted .. last | pixel 1: ... |      key << 32 | payload
-//   pixel_end:    inclusive prefix sum of the counts within the tile
+//   fragments:    | pixel 0: first submitted .. last | pixel 1: ... |      key << 32 | payload
+//   pixel_end:    inclusive prefix sum of the counts within the tile (pixels in the order of common.h)
 //   tile_totals:  fragments of the tile, and of its deepest pixel
 //
-// key: depth_key() of the fragment's depth; payload: the packed colour, or an index into `colors`.
+// key: DEPTH_KEY of the fragment's depth. payload: its face, or its own place where that has a colour of its own (`colors`).
+// Both grow with submission, so a fragment is one integer, and their order is that of (depth, submission index).
 #include "shading.h"
+#include "wide.h"
 
-#define STRIPS (TILE_PIXELS / STRIP)
-#define STRIPS_A_ROW (TILE / STRIP)
-#define STRIPS_A_LANE (STRIPS / LANES)
+#define STRIPS_A_LANE (TILE_PIXELS / STRIP / LANES)
 
-// One edge, E(x, y) = dx (y - y_a) - dy (x - x_a), and what makes a sample exactly on it belong to one side only:
-// with y down and positive area, top edges run right and left edges run up; they own their samples.
-typedef struct { int dx, dy, x, y, bias; } Edge;
-
-INLINE void edge_of(global const Triangle *t, int a, int b, Edge *e)
-{
-    e->dx = t->x[b] - t->x[a], e->dy = t->y[b] - t->y[a];
-    e->x = t->x[a], e->y = t->y[a];
-    e->bias = e->dy < 0 || (e->dy == 0 && e->dx > 0) ? 0 : -1;
-}
-
-typedef struct {
-    Edge edge[3];  // edge k is opposite corner k: E is twice the area of the sub-triangle that weighs corner k
-    int left, right, top, bottom;  // pixels of the tile to look at
-    bool small;  // E fits 32 bits all over the tile
-} Walk;
-
-INLINE void walk_of(global const Triangle *t, int tile_x, int tile_y, Walk *w)
-{
-    edge_of(t, 1, 2, w->edge), edge_of(t, 2, 0, w->edge + 1), edge_of(t, 0, 1, w->edge + 2);
-    int left = t->left_right & 0xFFFF, right = t->left_right >> 16;
-    int top = t->top_bottom & 0xFFFF, bottom = t->top_bottom >> 16;
-    w->left = MAX(left - tile_x, 0), w->right = MIN(right - tile_x, TILE - 1);
-    w->top = MAX(top - tile_y, 0), w->bottom = MIN(bottom - tile_y, TILE - 1);
-    w->small = t->small;
-}
-
-// What a lane tests at once is a block of STRIP samples: a strip of a row, `columns` right of its first sample. A lane that
-// has the tile to itself takes a record no larger than 4 x 4 pixels, as most of a fine mesh are, in one square block
-// from the record's own corner instead.
-#define STRIP_COLUMNS (VECTOR(int))(IOTA)
-#define STRIP_ROWS (VECTOR(int))(0)
-#if LANES == 1
-#define SQUARE 4
-#define SQUARE_COLUMNS (STRIP_COLUMNS & (VECTOR(int))(SQUARE - 1))
-#define SQUARE_ROWS (STRIP_COLUMNS / (VECTOR(int))(SQUARE))
-INLINE bool is_square(const Walk *w) { return w->right - w->left < SQUARE && w->bottom - w->top < SQUARE; }
+// The blocks with strips of this lane (a bit each), a block's place among them, and the first of its pixels that the lane has.
+#if LANES <= TILE_BLOCKS
+#define LANE_BLOCKS (((1u << TILE_BLOCKS) - 1) / ((1u << LANES) - 1) << lane)
+#define OWN(block) ((block) / LANES)
+#define FIRST_PIXEL 0
+#else
+#define LANE_BLOCKS (1u << lane * STRIP / BLOCK_PIXELS)
+#define OWN(block) 0
+#define FIRST_PIXEL (lane * STRIP % BLOCK_PIXELS)
 #endif
 
-// E at a block's samples, in 32 bits where proven to fit and in 64 elsewhere: the same integers either way.
-#define DEFINE_EDGE_VALUES(name, integer)                                                                       \
-    INLINE VECTOR(integer) name(Edge e, int x, int y, VECTOR(integer) columns, VECTOR(integer) rows)            \
-    {                                                                                                           \
-        integer first = (integer)e.dx * (y - e.y) - (integer)e.dy * (x - e.x);                                  \
-        return (VECTOR(integer))(first) + ((VECTOR(integer))((integer)e.dx * SUBPIXELS) * rows -                \
-                                           (VECTOR(integer))((integer)e.dy * SUBPIXELS) * columns);             \
-    }
-DEFINE_EDGE_VALUES(edge_values_small, int)
-DEFINE_EDGE_VALUES(edge_values_large, long)
+// Offsets of a strip's samples from its first.
+#define STRIP_COLUMNS ((VECTOR(int))(IOTA) & (VECTOR(int))(BLOCK - 1))
+#define STRIP_ROWS ((VECTOR(int))(IOTA) / (VECTOR(int))(BLOCK))
 
-// Coverage of a block whose first sample is at x, y: -1 or 0 a sample, and the barycentric weights times twice the area,
-// each rounded once.
-INLINE VECTOR(int) cover(const Walk *w, int x, int y, VECTOR(int) columns, VECTOR(int) rows, VECTOR(float) weight[3])
+// A record in a tile: its edge functions, E(x, y) = dx (y - y_a) - dy (x - x_a) for the edge from corner a to corner b;
+// edge k is opposite corner k, and E is twice the area of the sub-triangle that weighs it. What makes a sample exactly on
+// an edge belong to one side only: with y down and positive area, top edges run right and left edges run up; they own
+// their samples (E >= 0), the others do not (E > 0).
+//
+// From pixel to pixel E changes by SUBPIXELS times dx or dy, so all samples have the same E modulo SUBPIXELS:
+//   E - least = SUBPIXELS F + rest,   covered: F >= 0
+// and F fits 32 bits all over the tile for records below SMALL_EXTENT. F, and so the weights, are the same integers in 64.
+//
+// Records are made ready WIDE at a time, then gone through one by one.
+typedef struct {
+    Longs first[3];  // F at the lane's first sample of the tile's first block
+    Ints dx[3], dy[3];  // F grows by dx a pixel further down and falls by dy a pixel further right
+    Floats rest[3];  // rest + least
+    Ints small;
+    Uints blocks;  // those of the tile that its bounds reach, a bit each
+    Ints many;  // whether so many that it is worth finding out which of them it does not meet
+} Walks;
+
+// x, y: the lane's first sample of the tile's first block. Past the last of `count` records the last is done again.
+INLINE void ready_walks(global const Triangle *triangles, global const uint *records, uint count, int x, int y, int tile_x,
+                        int tile_y, Walks *w)
+{
+    Ints corner_x[3], corner_y[3], left, right, top, bottom;
+    FOR_EACH_ELEMENT {
+        global const Triangle *t = triangles + records[MIN((uint)k, count - 1)];
+        UNROLL for (int j = 0; j < 3; ++j) INT_OF(corner_x[j]) = t->x[j], INT_OF(corner_y[j]) = t->y[j];
+        INT_OF(left) = (int)(t->left_right & 0xFFFF), INT_OF(right) = (int)(t->left_right >> 16);
+        INT_OF(top) = (int)(t->top_bottom & 0xFFFF), INT_OF(bottom) = (int)(t->top_bottom >> 16);
+        INT_OF(w->small) = (int)t->small;
+    }
+    UNROLL for (int k = 0; k < 3; ++k) {
+        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2;
+        Ints dx = corner_x[b] - corner_x[a], dy = corner_y[b] - corner_y[a];
+        Ints least = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0))) ? (Ints)(0) : (Ints)(1);
+        Longs e = TO(Longs, dx) * TO(Longs, y - corner_y[a]) - TO(Longs, dy) * TO(Longs, x - corner_x[a]) - TO(Longs, least);
+        w->first[k] = e >> (Longs)(SUBPIXEL_BITS);
+        w->rest[k] = TO(Floats, (TO(Ints, e) & (Ints)(SUBPIXELS - 1)) + least);
+        w->dx[k] = dx, w->dy[k] = dy;
+    }
+    left = MAX(left - tile_x, (Ints)(0)) / BLOCK, right = MIN(right - tile_x, (Ints)(TILE - 1)) / BLOCK;
+    top = MAX(top - tile_y, (Ints)(0)) / BLOCK, bottom = MIN(bottom - tile_y, (Ints)(TILE - 1)) / BLOCK;
+    // A row of blocks is BLOCKS_A_ROW bits: those of the columns, times one bit for each row.
+    Uints columns = ((Uints)(2) << TO(Uints, right)) - ((Uints)(1) << TO(Uints, left));
+    Uints rows = ((Uints)(2) << TO(Uints, bottom * BLOCKS_A_ROW)) - ((Uints)(1) << TO(Uints, top * BLOCKS_A_ROW));
+    w->blocks = columns * (rows & (Uints)(0x1111u));
+    w->many = (right - left + 1) * (bottom - top + 1) > (Ints)(4);
+}
+
+// The same of one record, in registers.
+typedef struct {
+    long first[3];
+    int dx[3], dy[3];
+    float rest[3];
+    VECTOR(int) step[3];  // how F differs over a strip
+    uint blocks;  // those of the lane that it may meet
+    bool small;
+} Walk;
+
+#define LONG_OF(vector) (((const long *)&(vector))[k])
+
+INLINE void walk_of(const Walks *walks, uint k, int lane, Walk *w)
+{
+    w->small = INT_OF(walks->small);
+    w->blocks = (uint)INT_OF(walks->blocks) & LANE_BLOCKS;
+    UNROLL for (int j = 0; j < 3; ++j) {
+        w->first[j] = LONG_OF(walks->first[j]);
+        w->dx[j] = INT_OF(walks->dx[j]), w->dy[j] = INT_OF(walks->dy[j]);
+        w->rest[j] = FLOAT_OF(walks->rest[j]);
+        w->step[j] = (VECTOR(int))(w->dx[j]) * STRIP_ROWS - (VECTOR(int))(w->dy[j]) * STRIP_COLUMNS;
+    }
+#if STRIP == TILE_BLOCKS
+    if (INT_OF(walks->many) && w->small) {
+        // All blocks at once, a block an element: the sample of each that lies farthest inside.
+        VECTOR(int) met = (VECTOR(int))(-1);
+        UNROLL for (int j = 0; j < 3; ++j) {
+            int inside = (int)w->first[j] + (BLOCK - 1) * (MAX(w->dx[j], 0) - MIN(w->dy[j], 0));
+            met &= w->step[j] * BLOCK + (VECTOR(int))(inside) >= (VECTOR(int))(0);
+        }
+        w->blocks &= BITS_OF(met);
+    }
+#endif
+}
+
+// Coverage of the lane's strip of a block: -1 or 0 a sample, and the barycentric weights times twice the area.
+INLINE VECTOR(int) cover(const Walk *w, int block, VECTOR(float) weight[3])
 {
     VECTOR(int) covered = (VECTOR(int))(-1);
+    int column = block % BLOCKS_A_ROW * BLOCK, row = block / BLOCKS_A_ROW * BLOCK;
     if (w->small) {
-        for (int k = 0; k < 3; ++k) {
-            VECTOR(int) e = edge_values_small(w->edge[k], x, y, columns, rows);
-            covered &= (e + (VECTOR(int))(w->edge[k].bias)) >= (VECTOR(int))(0);
-            weight[k] = CONVERT(float, STRIP, e);
+        UNROLL for (int k = 0; k < 3; ++k) {
+            VECTOR(int) f = (VECTOR(int))((int)w->first[k] + row * w->dx[k] - column * w->dy[k]) + w->step[k];
+            covered &= f >= (VECTOR(int))(0);
+            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + w->rest[k];
         }
     } else {
-        for (int k = 0; k < 3; ++k) {
-            VECTOR(long) e = edge_values_large(w->edge[k], x, y, CONVERT(long, STRIP, columns), CONVERT(long, STRIP, rows));
-            covered &= CONVERT(int, STRIP, (e + (VECTOR(long))(w->edge[k].bias)) >= (VECTOR(long))(0));
-            weight[k] = CONVERT(float, STRIP, e);
+        UNROLL for (int k = 0; k < 3; ++k) {
+            long first = w->first[k] + (long)row * w->dx[k] - (long)column * w->dy[k];
+            VECTOR(long) f = (VECTOR(long))(first) + CONVERT(long, STRIP, w->step[k]);
+            covered &= CONVERT(int, STRIP, f >= (VECTOR(long))(0));
+            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + w->rest[k];
         }
     }
     return covered;
 }
 
-// Walks this lane's strips that the record can touch: s is the strip, own its place among the lane's own.
-#define FOR_EACH_STRIP(w, lane, s, own)                                                                         \
-    for (int s = (w).top * STRIPS_A_ROW + ((lane - (w).top * STRIPS_A_ROW) & (LANES - 1)), own = s / LANES;     \
-         s < ((w).bottom + 1) * STRIPS_A_ROW; s += LANES, ++own)                                                \
-        if ((s % STRIPS_A_ROW) * STRIP <= (w).right && (s % STRIPS_A_ROW) * STRIP + STRIP > (w).left)
+// Which samples of a strip are in the image, where a tile reaches beyond it: a triangle may, too.
+INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left)
+{
+    int column = block % BLOCKS_A_ROW * BLOCK + FIRST_PIXEL % BLOCK, row = block / BLOCKS_A_ROW * BLOCK + FIRST_PIXEL / BLOCK;
+    return STRIP_COLUMNS < (VECTOR(int))(columns_left - column) & STRIP_ROWS < (VECTOR(int))(rows_left - row);
+}
+
+// What both walks begin with.
+#define ENTER_TILE(place)                                                                                       \
+    uint tile = place;                                                                                          \
+    int lane = get_local_id(0);                                                                                 \
+    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE; \
+    int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
+    bool beyond = tile_x + TILE > width || tile_y + TILE > height;
+
+// Goes through the tile's records: `record`, and `w`, its walk.
+#define FOR_EACH_RECORD                                                                                         \
+    for (uint batch = pair_start[tile], end = pair_start[tile + 1]; batch < end; batch += WIDE) {               \
+        uint ready = MIN(end - batch, (uint)WIDE);                                                              \
+        for (uint ahead = batch + WIDE; ahead < MIN(batch + 2 * WIDE, end); ++ahead) PREFETCH(triangles + pairs[ahead]); \
+        Walks walks;                                                                                            \
+        ready_walks(triangles, pairs + batch, ready, x, y, tile_x, tile_y, &walks);                              \
+        for (uint n = 0; n < ready; ++n) {                                                                      \
+            uint record = pairs[batch + n];                                                                     \
+            Walk w;                                                                                             \
+            walk_of(&walks, n, lane, &w);
+
+// Goes through the lane's blocks that a record may meet; the next is the lowest bit of `left`.
+#define FOR_EACH_BLOCK for (uint left = w.blocks; left; left &= left - 1)
 
 kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start,
                             global const uint *pairs, uint first_tile, int columns, int width,
                             int height, global uint *pixel_end, global uint2 *tile_totals)
 {
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
-    uint tile = get_group_id(0);
-    int lane = get_local_id(0);
-    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
-    int x = sample_at(tile_x, width), y = sample_at(tile_y, height);
+    ENTER_TILE(get_group_id(0))
     VECTOR(uint) counts[STRIPS_A_LANE];
     for (int own = 0; own < STRIPS_A_LANE; ++own) counts[own] = (VECTOR(uint))(0);
 
-    for (uint pair = pair_start[tile], end = pair_start[tile + 1]; pair < end; ++pair) {
-        if (pair + PREFETCH_DISTANCE < end) PREFETCH(triangles + pairs[pair + PREFETCH_DISTANCE]);
-        Walk w;
-        walk_of(triangles + pairs[pair], tile_x, tile_y, &w);
-        VECTOR(float) weight[3];
-#if LANES == 1
-        if (is_square(&w)) {
-            VECTOR(int) covered = cover(&w, x + w.left * SUBPIXELS, y + w.top * SUBPIXELS, SQUARE_COLUMNS, SQUARE_ROWS, weight);
-            for (int row = w.top; row <= w.bottom; ++row)
-                for (int column = w.left; column <= w.right; ++column)
-                    ((uint *)counts)[row * TILE + column] -=
-                        ((const int *)&covered)[(row - w.top) * SQUARE + column - w.left];
-            continue;
+    FOR_EACH_RECORD
+        FOR_EACH_BLOCK {
+            int block = LOWEST_BIT(left);
+            VECTOR(float) weight[3];
+            VECTOR(int) covered = cover(&w, block, weight);
+            if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
+            counts[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
         }
-#endif
-        FOR_EACH_STRIP(w, lane, s, own) {
-            int column = (s % STRIPS_A_ROW) * STRIP, row = s / STRIPS_A_ROW;
-            VECTOR(int) covered = cover(&w, x + column * SUBPIXELS, y + row * SUBPIXELS, STRIP_COLUMNS, STRIP_ROWS, weight);
-            // The last strip of a row may reach beyond the image, and so may the triangle.
-            covered &= STRIP_COLUMNS <= (VECTOR(int))(w.right - column);
-            counts[own] -= PASTE(as_, VECTOR(uint))(covered);
-        }
-    }
+    }}
 
     for (int own = 0; own < STRIPS_A_LANE; ++own)
         *(local VECTOR(uint) *)(prefix + (own * LANES + lane) * STRIP) = counts[own];
@@ -148,7 +205,7 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 #if FRAGMENT_COLOR
 // Colour of one fragment: weights of the face's vertices, not yet divided by their sum.
 INLINE float4 shade(const float vertex_weight[3], uint source, global const uint *faces,
-                           global const void *palette, global const float *normals, float3 view_direction)
+                    global const void *palette, global const float *normals, float3 view_direction)
 {
     // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
     float a = MAX(vertex_weight[0], 0.0f), b = MAX(vertex_weight[1], 0.0f), c = MAX(vertex_weight[2], 0.0f);
@@ -172,47 +229,6 @@ INLINE float4 shade(const float vertex_weight[3], uint source, global const uint
 }
 #endif
 
-// Where fragments go, and what colours them.
-typedef struct {
-    global const uint *faces;
-    global const void *palette;
-    global const float *normals;
-    float3 view_direction;
-    uint capacity;
-    global ulong *fragments;
-    global float4 *colors;
-} Target;
-
-// Emits a record's fragments within a block: its samples `from` .. `to` of each row, `pitch` samples apart.
-// next: places for the block's first sample and those after it, a row of the tile apart.
-INLINE void emit_block(const Target *target, global const Triangle *t, const float *corner_weight, uint payload,
-                       VECTOR(int) covered, const VECTOR(float) *weight, int rows, int from, int to, int pitch,
-                       uint *next)
-{
-    VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
-    depth = MAX(depth, (VECTOR(float))(t->depth_min));
-    depth = MIN(depth, (VECTOR(float))(t->depth_max));
-    VECTOR(uint) key = DEPTH_KEY(VECTOR(uint), depth);
-    for (int row = 0; row < rows; ++row)
-        for (int column = from; column <= to; ++column) {
-            int k = row * pitch + column;
-            if (!((const int *)&covered)[k]) continue;
-            uint at = next[row * TILE + column]++;
-            if (at >= target->capacity) continue;
-#if FRAGMENT_COLOR
-            float vertex_weight[3];
-            for (int j = 0; j < 3; ++j)
-                vertex_weight[j] = ((const float *)&weight[0])[k] * corner_weight[j] +
-                                   ((const float *)&weight[1])[k] * corner_weight[3 + j] +
-                                   ((const float *)&weight[2])[k] * corner_weight[6 + j];
-            target->colors[at] = shade(vertex_weight, t->source, target->faces, target->palette, target->normals,
-                                       target->view_direction);
-            payload = at;
-#endif
-            target->fragments[at] = (ulong)((const uint *)&key)[k] << 32 | payload;
-        }
-}
-
 // A window is a run of fragments of the batch: positions are relative to its first, and those outside `capacity` (a tile
 // too deep for one window) are left to the others.
 kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start,
@@ -222,44 +238,56 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
                            global const void *palette, global const float *weights, global const float *normals,
                            float view_x, float view_y, float view_z, global ulong *fragments, global float4 *colors)
 {
-    uint tile = window_tile + get_group_id(0);
-    int lane = get_local_id(0);
-    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE;
-    int x = sample_at(tile_x, width), y = sample_at(tile_y, height);
-    Target target = {faces, palette, normals, (float3)(view_x, view_y, view_z), capacity, fragments, colors};
-    uint next[STRIPS_A_LANE * STRIP];
+    ENTER_TILE(window_tile + get_group_id(0))
+
+    VECTOR(uint) next[STRIPS_A_LANE];
+    uint outside = capacity + get_global_id(0);
     for (int own = 0; own < STRIPS_A_LANE; ++own)
         for (int k = 0; k < STRIP; ++k) {
             int p = (own * LANES + lane) * STRIP + k;
-            next[own * STRIP + k] = tile_start[get_group_id(0)] + (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0);
+            ((uint *)(next + own))[k] = tile_start[get_group_id(0)] + (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0);
         }
 
-    for (uint pair = pair_start[tile], end = pair_start[tile + 1]; pair < end; ++pair) {
-        if (pair + PREFETCH_DISTANCE < end) PREFETCH(triangles + pairs[pair + PREFETCH_DISTANCE]);
-        uint record = pairs[pair], payload = 0;
+    FOR_EACH_RECORD
         global const Triangle *t = triangles + record;
-        Walk w;
-        walk_of(t, tile_x, tile_y, &w);
-        VECTOR(float) weight[3];
-        float corner_weight[9];
+        FOR_EACH_BLOCK {
+            int block = LOWEST_BIT(left);
+            VECTOR(float) weight[3];
+            VECTOR(int) covered = cover(&w, block, weight);
+            if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
+            VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
+            depth = MAX(depth, (VECTOR(float))(t->depth_min));
+            depth = MIN(depth, (VECTOR(float))(t->depth_max));
+            VECTOR(ulong) value = CONVERT(ulong, STRIP, DEPTH_KEY(VECTOR(uint), depth)) << (VECTOR(ulong))(32);
+#if !FRAGMENT_COLOR
+            value |= (VECTOR(ulong))((ulong)t->source);
+#endif
+            VECTOR(uint) *places = next + OWN(block);
 #if FRAGMENT_COLOR
-        for (int k = 0; k < 9; ++k) corner_weight[k] = weights[9 * record + k];
+            for (uint bits = BITS_OF(covered); bits; bits &= bits - 1) {
+                int k = LOWEST_BIT(bits);
+                uint at = ((uint *)places)[k]++;
+                if (at >= capacity) continue;
+                float vertex_weight[3];
+                for (int j = 0; j < 3; ++j) {
+                    vertex_weight[j] = 0.0f;
+                    for (int c = 0; c < 3; ++c)
+                        vertex_weight[j] += ((const float *)&weight[c])[k] * weights[9 * record + 3 * c + j];
+                }
+                colors[at] = shade(vertex_weight, t->source, faces, palette, normals,
+                                          (float3)(view_x, view_y, view_z));
+
+                fragments[at] = ((const ulong *)&value)[k] | at;
+            }
 #else
-        payload = face_payload(palette, t->source);
+            // No branch for each sample: those outside go to a place of the lane's own behind the window.
+            VECTOR(uint) at = *places;
+            *places -= PASTE(as_, VECTOR(uint))(covered);
+            covered &= at < (VECTOR(uint))(capacity);
+            at = PASTE(as_, VECTOR(uint))(covered) ? at : (VECTOR(uint))(outside);
+            SCALAR_LOOP
+            for (int k = 0; k < STRIP; ++k) fragments[((const uint *)&at)[k]] = ((const ulong *)&value)[k];
 #endif
-#if LANES == 1
-        if (is_square(&w)) {
-            VECTOR(int) covered = cover(&w, x + w.left * SUBPIXELS, y + w.top * SUBPIXELS, SQUARE_COLUMNS, SQUARE_ROWS, weight);
-            emit_block(&target, t, corner_weight, payload, covered, weight, w.bottom - w.top + 1, 0, w.right - w.left,
-                       SQUARE, next + w.top * TILE + w.left);
-            continue;
         }
-#endif
-        FOR_EACH_STRIP(w, lane, s, own) {
-            int column = (s % STRIPS_A_ROW) * STRIP, row = s / STRIPS_A_ROW;
-            VECTOR(int) covered = cover(&w, x + column * SUBPIXELS, y + row * SUBPIXELS, STRIP_COLUMNS, STRIP_ROWS, weight);
-            emit_block(&target, t, corner_weight, payload, covered, weight, 1, MAX(w.left - column, 0),
-                       MIN(w.right - column, STRIP - 1), STRIP, next + own * STRIP);
-        }
-    }
+    }}
 }

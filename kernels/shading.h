@@ -2,38 +2,52 @@
 //
 //   palette          colours as given: one for the scene, for each face or for each vertex; 4 bytes or 4 floats each
 //   FRAGMENT_COLOR   colours vary over a face: each fragment has its own, in `colors`, and its payload says where
-//   otherwise        the payload is the packed colour itself, or the place in the palette
+//   otherwise        the payload is the face, whose colour is in the palette
 #ifndef SHADING_H
 #define SHADING_H
 
-#include "common.h"
+#include "blending.h"
+
+#define ABSENT (~0ul)  // a place without a fragment: behind every fragment there is
+#define FETCH_ROWS 16
 
 INLINE float4 palette_color(global const void *palette, uint index)
 {
 #if PACKED_COLOR
-    return unpack_color(((global const uint *)palette)[index]);
+    float4 bytes = CONVERT(float, 4, ((global const uchar4 *)palette)[index]);
+    return UNIT_OF(bytes);
 #else
     return ((global const float4 *)palette)[index];
 #endif
 }
 
-INLINE uint face_payload(global const void *palette, uint source)
-{
-    uint index = COLOR_RATE_FACE ? source : 0;
-#if PACKED_COLOR
-    return ((global const uint *)palette)[index];
-#else
-    return index;
-#endif
-}
-
+// The colours of a strip's next fragments, a row of `fetched` for each row of fragments; ABSENT ones have alpha 0.
 // `colors` is the fragments' own colours, or the palette where they have none.
-INLINE float4 fragment_color(uint payload, global const float4 *colors)
+INLINE void fetch_colors(const VECTOR(ulong) *fragments, uint row_count, global const void *colors, Colors *fetched)
 {
 #if PACKED_COLOR && !FRAGMENT_COLOR
-    return unpack_color(payload);
+    // First all words, then all colours: a vector that is read while its elements are still being written waits long.
+    VECTOR(uint) words[FETCH_ROWS];
+    for (uint k = 0; k < row_count * STRIP; ++k) {
+        uint payload = (uint)((const ulong *)fragments)[k];
+        ((uint *)words)[k] = payload == (uint)ABSENT ? 0 : ((global const uint *)colors)[COLOR_RATE_FACE ? payload : 0];
+    }
+    for (uint row = 0; row < row_count; ++row) {
+        const VECTOR(uint) byte = (VECTOR(uint))(0xFF);
+        fetched[row].red = UNIT_OF(CONVERT(float, STRIP, words[row] & byte));
+        fetched[row].green = UNIT_OF(CONVERT(float, STRIP, words[row] >> (VECTOR(uint))(8) & byte));
+        fetched[row].blue = UNIT_OF(CONVERT(float, STRIP, words[row] >> (VECTOR(uint))(16) & byte));
+        fetched[row].alpha = UNIT_OF(CONVERT(float, STRIP, words[row] >> (VECTOR(uint))(24)));
+    }
 #else
-    return colors[payload];
+    for (uint k = 0; k < row_count * STRIP; ++k) {
+        uint payload = (uint)((const ulong *)fragments)[k];
+        float4 color = (float4)(0.0f);
+        if (payload != (uint)ABSENT)
+            color = ((global const float4 *)colors)[FRAGMENT_COLOR || COLOR_RATE_FACE ? payload : 0];
+        float *elements = (float *)(fetched + k / STRIP) + k % STRIP;
+        elements[0] = color.x, elements[STRIP] = color.y, elements[2 * STRIP] = color.z, elements[3 * STRIP] = color.w;
+    }
 #endif
 }
 

@@ -12,7 +12,7 @@ import clpeel
 from clpeel.binning import bin_triangles
 from clpeel.device import open_device
 from clpeel.errors import InputError
-from clpeel.layout import TILE, TILE_PIXELS, TRIANGLE
+from clpeel.layout import BLOCK, TILE, TILE_PIXELS, VERTEX
 from clpeel.projection import project, upload
 from clpeel.raster import rasterize
 
@@ -44,21 +44,22 @@ def fragments_of(vertices, size, lanes=1, capacity=1 << 24, camera=None):
                     first = ends[window.window_tile + t, p - 1] if p else 0
                     run = stored[starts[t] + first : starts[t] + ends[window.window_tile + t, p]]
                     if len(run):
-                        place = tile // columns * TILE + p // TILE, tile % columns * TILE + p % TILE
+                        block, row, column = p // BLOCK**2, p % BLOCK**2 // BLOCK, p % BLOCK
+                        row, column = row + block // (TILE // BLOCK) * BLOCK, column + block % (TILE // BLOCK) * BLOCK
+                        place = tile // columns * TILE + row, tile % columns * TILE + column
                         assert place not in found
                         found[place] = [(int(f >> np.uint64(32)), int(f & np.uint64(0xFFFFFFFF))) for f in run]
-    rows = gpu.get(triangles.records, triangles.faces, TRIANGLE)
-    bounds = gpu.get(triangles.bounds, (triangles.faces, 4), np.uint16)
-    return found, corners_of(vertices, camera, size, rows, bounds[:, 0] <= bounds[:, 1]), windows
+    projected = gpu.get(gpu.buffers["vertices"], len(vertices), VERTEX)
+    return found, corners_of(vertices, camera, size, projected), windows
 
 
-def corners_of(vertices, camera, size, rows, drawn):
-    """Snapped corners int64 [m, 2, 3]: by float64, and by the record where a rounding could go either way."""
-    exact = twins.screen(vertices, camera, size)[:, :2].reshape(-1, 3, 2).transpose(0, 2, 1)
+def corners_of(vertices, camera, size, projected):
+    """Snapped corners int64 [m, 2, 3]: by float64, and as projected where a rounding could go either way."""
+    exact = twins.screen(vertices, camera, size)[:, :2]
     corners = np.rint(exact).astype(np.int64)
-    for face in np.flatnonzero(drawn & (np.abs(np.abs(exact - corners) - 0.5) < 1e-3).any(axis=(1, 2))):
-        corners[face] = rows["x"][face], rows["y"][face]
-    return corners
+    either = (np.abs(np.abs(exact - corners) - 0.5) < 1e-3).any(axis=1) & (projected["outcode"] == 0)
+    corners[either] = np.stack([projected["x"], projected["y"]], axis=1)[either]
+    return corners.reshape(-1, 3, 2).transpose(0, 2, 1)
 
 
 @pytest.mark.parametrize("lanes", [1, 64])

@@ -1,174 +1,218 @@
-"""Times exact pictures against VTK on the same scenes in the same run, and how long the command takes to start.
+"""Measures how fast clpeel is, beside VTK and beside what memory allows, and says which targets are met.
 
-    python tools/bench.py [--scenes FOLDER] [--rounds N] [--size PIXELS] [--json FILE] [SCENE ...]
+    python tools/bench.py                                       all of it, in about a quarter of an hour
+    python tools/bench.py --quick                               less of it, in under two minutes
+    python tools/bench.py --json bench.json --report docs       keeps the numbers; writes them into docs/performance.md
+    python tools/bench.py --from bench.json --report docs       the same later, without measuring
 
-FOLDER holds scenes.py (scene makers and the camera) and vtk_peer.py (VTK without a display); by default the folder
-`bench` in the one that CLPEEL_SHARED names. Both renderers take turns, each round in a process of its own, so that a
-machine whose speed drifts slows both. A peer that cannot run is left out, with the reason. The picture's differences
-from VTK's are counted too: its 8-bit blending rounds at each layer, and its edges are snapped elsewhere.
+Whatever is compared takes turns, each time in a process of its own, so that a machine whose speed drifts slows both;
+the table shows the median of the rounds with the least and the greatest. Scenes come from a folder with scenes.py and
+vtk_peer.py (VTK without a display), by default `bench` in the folder that CLPEEL_SHARED names; without it there is no
+VTK, and scenes of the tool's own stand in. Interrupted, it writes what it has. Exit codes: 0 done, whatever the
+targets; 1 something failed, 2 bad input, 3 no such OpenCL device, 130 interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import os
-import platform
-import statistics
-import subprocess
 import sys
-import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NoReturn
 
-ROOT = Path(__file__).resolve().parent.parent
-SHARED = Path(os.environ.get("CLPEEL_SHARED", ROOT.parent / "shared"))
-SCENES = ("dragon", "spheres", "boxes", "grass")
-CUBE = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-
-OURS = """
-import json, sys, time
-import numpy as np
-import scenes, clpeel
-name, size, frames, out = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
-vertices, faces, colors = scenes.named(name)
-view = dict(scenes.CAMERA)
-clipping = view.pop("near"), view.pop("far")
-renderer = clpeel.Renderer(clpeel.Scene.from_arrays(vertices, faces, face_colors=colors))
-camera = clpeel.Camera(**view, clipping_range=clipping)
-renderer.render(camera, (size, size))
-seconds = []
-for frame in range(frames):
-    camera = camera.azimuth(1e-9)
-    started = time.perf_counter()
-    result = renderer.render(camera, (size, size))
-    seconds.append(time.perf_counter() - started)
-np.save(out, result.image)
-print(json.dumps(dict(median_s=float(np.median(seconds)), stats=result.stats)))
-"""
+from benchmark.figures import FIGURES, digits
+from benchmark.report import VERDICTS, as_markdown, as_text, between_markers, bound, machine
+from benchmark.runs import QUICK, SCENES, SHARED, Bench, Failed, Settings, Skipped, Values
 
 
-def last_line(command: list[str], folder: Path, **environment: str) -> dict[str, Any]:
-    """Runs a program that prints a line of JSON last; RuntimeError with its last words when it fails."""
-    models = str(folder.parent / "models")
-    python_path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
-    settings = {**os.environ, "MODELS": models, "PYTHONPATH": python_path, **environment}
-    done = subprocess.run(command, env=settings, capture_output=True, text=True, check=False)
-    if done.returncode:
-        words = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-        raise RuntimeError(words[-1])
-    answer: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
-    return answer
+class Parser(argparse.ArgumentParser):
+    """Errors of one line."""
+
+    def error(self, message: str) -> NoReturn:
+        stop(message)
 
 
-def compare(name: str, folder: Path, size: int, rounds: int, peers: tuple[str, ...]) -> dict[str, Any]:
-    """One scene: the median of each renderer's rounds, interleaved, and how the pictures differ."""
-    import numpy as np
-
-    row: dict[str, Any] = {"scene": name, "size": size, "seconds": {}, "skipped": {}}
-    with tempfile.TemporaryDirectory() as scratch:
-        ours, theirs = f"{scratch}/ours.npy", f"{scratch}/theirs.npy"
-        runs: dict[str, list[float]] = {"clpeel": [], **{f"vtk {peer}": [] for peer in peers}}
-        for _ in range(rounds):
-            found = last_line([sys.executable, "-c", OURS, name, str(size), "5", ours], folder)
-            runs["clpeel"].append(found["median_s"])
-            row |= {key: found["stats"][key] for key in ("triangles", "fragments", "layers_max", "device")}
-            row["kernel_seconds"] = found["stats"]["kernel_seconds"]
-            for peer in peers:
-                if f"vtk {peer}" in row["skipped"]:
-                    continue
-                command = [sys.executable, str(folder / "vtk_peer.py"), name, str(size), peer, theirs]
-                try:
-                    runs[f"vtk {peer}"].append(last_line(command, folder, FRAMES="3")["median_s"])
-                except RuntimeError as error:
-                    row["skipped"][f"vtk {peer}"] = str(error)
-                    continue
-                if peer == "dual":
-                    off = np.abs(np.load(ours).astype(int) - np.load(theirs))[..., :3].max(axis=2)
-                    row["differs"] = {f"over {step}": float((off > step).mean()) for step in (1, 2, 8)}
-        for key, values in runs.items():
-            if values:
-                row["seconds"][key] = {"median": statistics.median(values), "runs": values}
-    for key, timed in row["seconds"].items():
-        if key != "clpeel":
-            row[f"times {key}"] = timed["median"] / row["seconds"]["clpeel"]["median"]
-    return row
+def stop(message: str, code: int = 2) -> NoReturn:
+    """Ends with one line."""
+    print(f"bench: error: {message}", file=sys.stderr)
+    raise SystemExit(code)
 
 
-def start_up(rounds: int) -> dict[str, float]:
-    """Whole-process seconds of the command on a cube of 12 triangles: with empty caches, with full ones, and --help."""
-    command = [str(Path(sys.executable).with_name("clpeel"))]
-    seconds: dict[str, float] = {}
-
-    def run(arguments: list[str], home: str) -> float:
-        settings = {**os.environ, "HOME": home, "XDG_CACHE_HOME": f"{home}/cache"}
-        started = time.perf_counter()
-        subprocess.run([*command, *arguments], env=settings, check=True, capture_output=True)
-        return time.perf_counter() - started
-
-    with tempfile.TemporaryDirectory() as scratch:
-        triangles = [t for a, b, c, d in SIDES for t in ((a, b, c), (a, c, d))]
-        header = (
-            "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
-            "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
-        )
-        rows = [" ".join(map(str, corner)) for corner in CUBE] + [f"3 {a} {b} {c}" for a, b, c in triangles]
-        cube = Path(scratch, "cube.ply")
-        cube.write_text(header + "\n".join(rows) + "\n")
-        render = ["render", str(cube), "-o", f"{scratch}/cube.png"]
-        colds = [run(render, f"{scratch}/home{k}") for k in range(rounds)]
-        warms = [run(render, f"{scratch}/home0") for _ in range(rounds)]
-        helps = [run(["--help"], f"{scratch}/home0") for _ in range(rounds)]
-        for name, values in (("cold", colds), ("warm", warms), ("--help", helps)):
-            seconds[name] = statistics.median(values)
-    return seconds
+def say(text: str) -> None:
+    """A line of progress."""
+    print(text, file=sys.stderr, flush=True)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", default=SCENES, metavar="SCENE")
-    parser.add_argument("--scenes", type=Path, default=SHARED / "bench", metavar="FOLDER")
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--size", type=int, default=1024)
-    parser.add_argument("--json", type=Path, metavar="FILE")
-    options = parser.parse_args()
-    if not (options.scenes / "scenes.py").is_file():
-        parser.error(f"no scenes.py in {options.scenes}; give --scenes or set CLPEEL_SHARED")
-
-    found: dict[str, Any] = {"machine": f"{platform.machine()}, {os.cpu_count()} processors", "start_up": {}}
-    print(f"{'scene':9}{'triangles':>10}{'fragments':>11}{'layers':>7}{'clpeel':>9}  vs VTK dual      vs VTK unsorted")
-    found["scenes"] = []
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """The command line, checked: nothing slow begins before what was asked is known to be possible."""
+    parser = Parser(
+        prog="bench.py",
+        description=__doc__,
+        epilog="Figures: " + ", ".join(FIGURES),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("names", nargs="*", metavar="SCENE", help=f"which of {', '.join(SCENES)} to use (default: all)")
+    add("--quick", action="store_true", help="fewer rounds and smaller scenes; the output says what was reduced")
+    add("--only", metavar="NAME,...", help="these figures only")
+    add("--rounds", type=count, metavar="N", help=f"rounds of each measurement (default: {Settings.rounds})")
+    add("--size", type=count, metavar="PIXELS", help=f"side of the picture (default: {Settings.size})")
+    add("--triangles", type=count, metavar="N", help=f"of the largest scene (default: {Settings.triangles})")
+    add("--scenes", type=Path, metavar="FOLDER", help="with scenes.py and vtk_peer.py")
+    add("--device", metavar="DEVICE", help="number, or part of a name, as 'clpeel devices' shows them")
+    add("--json", type=Path, metavar="FILE", help="write all numbers to a file")
+    add("--report", type=Path, metavar="FOLDER", help="renew FOLDER/performance.md between its markers, and its plots")
+    add("--from", type=Path, dest="source", metavar="FILE", help="take the numbers from such a file: measure nothing")
+    options = parser.parse_args(arguments)
+    options.only = options.only.split(",") if options.only else list(FIGURES)
+    for name in options.only:
+        if name not in FIGURES:
+            stop(f"--only: expected some of {', '.join(FIGURES)}; got {name!r}")
+    if options.triangles and options.triangles < 10:
+        stop(f"--triangles: expected at least 10, got {options.triangles}")
     for name in options.names:
-        row = compare(name, options.scenes, options.size, options.rounds, ("dual", "unsorted"))
-        found["scenes"].append(row)
-        cells = [
-            f"{row['seconds'][key]['median']:6.3f} s {row[f'times {key}']:5.1f} x"
-            if key in row["seconds"]
-            else "skipped"
-            for key in ("vtk dual", "vtk unsorted")
-        ]
-        ours = row["seconds"]["clpeel"]["median"]
-        print(
-            f"{name:9}{row['triangles']:10,}{row['fragments']:11,}{row['layers_max']:7}{ours:7.3f} s  "
-            + "  ".join(cells),
-            flush=True,
-        )
-        for peer, reason in row["skipped"].items():
-            print(f"          {peer} skipped: {reason}")
-        if "differs" in row:
-            shares = ", ".join(f"{share:.4%} by {key}" for key, share in row["differs"].items())
-            print(f"          pixels that differ from VTK's: {shares} steps of 255")
-    ratios = [row["times vtk dual"] for row in found["scenes"] if "times vtk dual" in row]
-    if ratios:
-        found["times vtk dual"] = statistics.geometric_mean(ratios)
-        print(f"geometric mean: {found['times vtk dual']:.1f} times as fast as VTK's dual depth peeling")
-    found["start_up"] = start_up(options.rounds)
-    print("start-up:", ", ".join(f"{name} {seconds:.2f} s" for name, seconds in found["start_up"].items()))
-    if options.json:
-        options.json.write_text(json.dumps(found, indent=2) + "\n")
+        if name not in SCENES:
+            stop(f"scene: expected some of {', '.join(SCENES)}; got {name!r}")
+    if options.scenes and not (options.scenes / "scenes.py").is_file():
+        stop(f"--scenes: no scenes.py in {str(options.scenes)!r}")
+    if options.json and not os.access(options.json.parent, os.W_OK):
+        stop(f"--json: cannot write into {str(options.json.parent)!r}")
+    if options.report:
+        renewed(options.report, "")
+    return options
+
+
+def count(text: str) -> int:
+    """A whole number of at least 1."""
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
+    return int(text)
+
+
+def renewed(folder: Path, text: str) -> str:
+    """The document of a report with a new text between its markers."""
+    document = folder / "performance.md"
+    try:
+        return between_markers(document.read_text(encoding="utf-8"), text)
+    except OSError as error:
+        stop(f"--report: {str(document)!r}: {error.strerror}")
+    except ValueError as error:
+        stop(f"--report: {str(document)!r}: {error}")
+
+
+def read(source: Path) -> Values:
+    """The numbers of an earlier run."""
+    try:
+        found: Values = json.loads(source.read_text(encoding="utf-8"))
+        as_text(found)
+        return found
+    except OSError as error:
+        stop(f"--from: {str(source)!r}: {error.strerror}")
+    except (ValueError, LookupError, TypeError, AttributeError):
+        stop(f"--from: {str(source)!r} was not written by --json")
+
+
+def settings_of(options: argparse.Namespace) -> Settings:
+    """What the options ask to measure."""
+    given = {name: getattr(options, name) for name in ("rounds", "size", "triangles") if getattr(options, name)}
+    if options.rounds:
+        given["peer_rounds"] = options.rounds
+    if options.names:
+        given["scenes"] = tuple(options.names)
+    return replace(QUICK if options.quick else Settings(), **given)
+
+
+def measure(options: argparse.Namespace) -> Values:
+    """Measures the figures that were asked for; what is finished when it is interrupted."""
+    settings = settings_of(options)
+    folder = options.scenes or SHARED / "bench"
+    folder = folder.resolve() if (folder / "scenes.py").is_file() else None
+    found: Values = {"date": datetime.date.today().isoformat(), "machine": machine(), "reduced": settings.reduced}
+    found["figures"] = {}
+    bench = Bench(settings, folder, options.device, options.only)
+    try:
+        try:
+            found["machine"] |= bench.measure("device")
+        except Failed as failure:
+            stop(str(failure).removeprefix("NoDeviceError: "), 3 if "NoDeviceError" in str(failure) else 1)
+        for name, figure in FIGURES.items():
+            if name in options.only:
+                started = time.perf_counter()
+                one: Values = {"title": figure.title}
+                try:
+                    one |= figure.measure(bench)
+                except Skipped as reason:
+                    one["skipped"] = str(reason)
+                except Failed as reason:
+                    one["failed"] = str(reason)
+                one["took_s"] = time.perf_counter() - started
+                found["figures"][name] = one
+                say(f"{name:10}{one['took_s']:5.0f} s  {headline(one)}")
+    except KeyboardInterrupt:
+        found["interrupted"] = True
+        say("interrupted")
+    finally:
+        found["missing"] = bench.missing
+        bench.close()
+    return found
+
+
+def headline(one: Values) -> str:
+    """A figure in a line: why it is missing, or its targets."""
+    for word in ("skipped", "failed"):
+        if word in one:
+            return f"{word}: {one[word]}"
+    return "; ".join(
+        f"{digits(target['value'])}, {bound(target)}: {VERDICTS[target['met']]}" for target in one["targets"]
+    )
+
+
+def write_report(folder: Path, found: Values) -> None:
+    """The document's data part, and its plots where matplotlib is installed."""
+    from clpeel.image import write_whole
+
+    pictures: dict[str, bytes] = {}
+    try:
+        from benchmark.plots import draw
+
+        pictures = draw(found)
+    except ImportError:
+        say("plots left out: matplotlib is not installed (pip install '.[bench]')")
+    if pictures:
+        (folder / "performance").mkdir(exist_ok=True)
+    for name, data in pictures.items():
+        write_whole(folder / "performance" / f"{name}.png", data)
+    text = renewed(folder, as_markdown(found, [f"performance/{name}.png" for name in pictures]))
+    write_whole(folder / "performance.md", text.encode())
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the tool and returns its exit code."""
+    options = parse(arguments)
+    found = read(options.source) if options.source else measure(options)
+    print(as_text(found), end="")
+
+    from clpeel.errors import ClpeelError
+    from clpeel.image import write_whole
+
+    try:
+        if options.json:
+            write_whole(options.json, (json.dumps(found, indent=1) + "\n").encode())
+        if options.report:
+            write_report(options.report, found)
+    except (ClpeelError, OSError) as error:
+        stop(str(error), 1)
+    if found.get("interrupted"):
+        return 130
+    return 1 if any("failed" in one for one in found["figures"].values()) else 0
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

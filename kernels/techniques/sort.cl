@@ -1,93 +1,109 @@
 // sort: the exact picture, by sorting each pixel's fragments and blending them front to back.
 //
-//   resolve    one work-group a tile, one lane a pixel at a time
+//   resolve    one work-group a tile, one lane a strip of its pixels at a time
 //
-// Order: (depth, submission index), nearest first. Fragments arrive in submission order and every sort here is stable, so
-// the depth key alone decides. Lists up to RUN_MAX are sorted in private memory; longer ones are cut into runs that are
-// sorted so in place, then merged bottom-up between `fragments` and `scratch`: n log n whatever the depth.
+// Order: (depth, submission index), nearest first: that of the fragments as integers (raster.cl). Up to RUN_MAX of each of a
+// strip's pixels are held in private memory, a row of vectors for each layer, and sorted side by side by one network, whose
+// steps depend on no depth. A deeper pixel is sorted first where it lies, by its digits.
 // Blending (blending.h) stops where the transmittance is exactly zero: nothing behind can change the picture.
-#include "blending.h"
 #include "shading.h"
 
-INLINE uint key_of(ulong fragment) { return (uint)(fragment >> 32); }
-
-#if LANES == 1
-// Rank sort: a fragment's place is the number of fragments before it. One lane has the vector unit to itself, so 16 are
-// ranked at once against each of the others, without a branch that depends on a depth.
-INLINE void sort_run(global const ulong *list, uint count, ulong *sorted)
+// Batcher's bitonic sorter with all exchanges in one direction, so that rows beyond `count`, were there any with ABSENT,
+// would never move: any count will do.
+INLINE void exchange(VECTOR(ulong) *nearer, VECTOR(ulong) *farther)
 {
-    const uint16 lane = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    uint key[RUN_MAX] __attribute__((aligned(64)));
-    for (uint k = 0; k < count; ++k) key[k] = key_of(list[k]);
-    for (uint first = 0; first < count; first += 16) {
-        uint16 own = *(const uint16 *)(key + first), rank = (uint16)(0);
-        // Equal keys: those submitted earlier come first, so up to this block they count too.
-        uint k = 0;
-        for (; k < first; ++k) rank -= as_uint16((uint16)(key[k]) <= own);
-        for (; k < MIN(first + 16, count); ++k)
-            rank -= as_uint16((uint16)(key[k]) < own + (as_uint16(lane > (uint16)(k - first)) & (uint16)(1)));
-        for (; k < count; ++k) rank -= as_uint16((uint16)(key[k]) < own);
-        for (uint k = 0; k < MIN(count - first, 16u); ++k) sorted[((const uint *)&rank)[k]] = list[first + k];
+    VECTOR(ulong) a = *nearer, b = *farther;
+    *nearer = MIN(a, b), *farther = MAX(a, b);
+}
+
+INLINE void sort_rows(VECTOR(ulong) *rows, uint count)
+{
+    for (uint sorted = 1; sorted < count; sorted *= 2) {
+        // Two sorted runs, the second from behind: then the lesser of each pair are in the first run's place.
+        for (uint middle = sorted; middle < count; middle += 2 * sorted)
+            for (uint b = middle; b < MIN(middle + sorted, count); ++b) exchange(rows + (2 * middle - 1 - b), rows + b);
+        for (uint gap = sorted / 2; gap; gap /= 2)
+            for (uint middle = gap; middle < count; middle += 2 * gap)
+                for (uint b = middle; b < MIN(middle + gap, count); ++b) exchange(rows + (b - gap), rows + b);
     }
 }
-#else
-// Insertion sort: the least work for a lane of its own.
-INLINE void sort_run(global const ulong *list, uint count, ulong *sorted)
-{
-    for (uint i = 0; i < count; ++i) {
-        ulong moving = list[i];
-        uint k = i;
-        for (; k > 0 && key_of(sorted[k - 1]) > key_of(moving); --k) sorted[k] = sorted[k - 1];
-        sorted[k] = moving;
-    }
-}
-#endif
 
-// Sorts count > RUN_MAX fragments; returns where they end up, `list` or `spare`.
-static global const ulong *merge_sort(global ulong *list, global ulong *spare, uint count)
+// Sorts one pixel's fragments by the digits of their depth keys, the least first, between `list` and `spare`: as many steps
+// for each fragment, however many there are. Digits that all have in common are passed over.
+static void sort_digits(global ulong *list, global ulong *spare, uint count)
 {
-    ulong run[RUN_MAX];
-    for (uint first = 0; first < count; first += RUN_MAX) {
-        uint length = MIN(count - first, (uint)RUN_MAX);
-        sort_run(list + first, length, run);
-        for (uint k = 0; k < length; ++k) list[first + k] = run[k];
+    uint place[4][256];
+    for (uint k = 0; k < 4 * 256; ++k) place[0][k] = 0;
+    for (uint k = 0; k < count; ++k) {
+        uint key = (uint)(list[k] >> 32);
+        ++place[0][key & 255], ++place[1][key >> 8 & 255], ++place[2][key >> 16 & 255], ++place[3][key >> 24];
     }
-    for (uint width = RUN_MAX; width < count; width *= 2) {
-        for (uint first = 0; first < count; first += 2 * width) {
-            uint a = first, middle = MIN(first + width, count), b = middle, end = MIN(first + 2 * width, count);
-            for (uint out = first; out < end; ++out) {
-                bool left = b >= end || (a < middle && key_of(list[a]) <= key_of(list[b]));
-                spare[out] = list[left ? a++ : b++];
-            }
+    global ulong *from = list, *to = spare;
+    for (int digit = 0; digit < 4; ++digit) {
+        int shift = 32 + 8 * digit;
+        if (place[digit][from[0] >> shift & 255] == count) continue;
+        uint sum = 0;
+        for (int k = 0; k < 256; ++k) {
+            uint size = place[digit][k];
+            place[digit][k] = sum;
+            sum += size;
         }
-        global ulong *swap = list;
-        list = spare;
-        spare = swap;
+        for (uint k = 0; k < count; ++k) {
+            ulong fragment = from[k];
+            to[place[digit][fragment >> shift & 255]++] = fragment;
+        }
+        global ulong *swap = from;
+        from = to, to = swap;
     }
-    return list;
+    if (from != list)
+        for (uint k = 0; k < count; ++k) list[k] = from[k];
+}
+
+// Whether any pixel lets something through.
+INLINE bool is_seen(VECTOR(float) transmittance)
+{
+    bool seen = false;
+    for (int k = 0; k < STRIP; ++k) seen |= ((const float *)&transmittance)[k] != 0.0f;
+    return seen;
 }
 
 kernel void resolve(global ulong *fragments, global ulong *scratch, global const uint *pixel_end,
-                    global const uint *tile_start, global const float4 *colors, uint window_tile,
+                    global const uint *tile_start, global const void *colors, uint window_tile,
                     uint first_pixel, uint last_pixel, global float4 *layer)
 {
-    uint tile = get_group_id(0);
-    for (uint p = first_pixel + get_local_id(0); p <= last_pixel; p += LANES) {
-        uint slot = (window_tile + tile) * TILE_PIXELS + p;
-        uint begin = p ? pixel_end[slot - 1] : 0, count = pixel_end[slot] - begin;
-        begin += tile_start[tile];
-        float4 color = (float4)(0.0f);
-        float transmittance = 1.0f;
-        if (count <= RUN_MAX) {
-            ulong run[RUN_MAX];
-            sort_run(fragments + begin, count, run);
-            for (uint k = 0; k < count && transmittance != 0.0f; ++k)
-                blend_under(&color, &transmittance, fragment_color((uint)run[k], colors));
-        } else {
-            global const ulong *sorted = merge_sort(fragments + begin, scratch + begin, count);
-            for (uint k = 0; k < count && transmittance != 0.0f; ++k)
-                blend_under(&color, &transmittance, fragment_color((uint)sorted[k], colors));
+    uint tile = get_group_id(0), first_slot = (window_tile + tile) * TILE_PIXELS;
+    for (uint p = get_local_id(0) * STRIP; p < TILE_PIXELS; p += LANES * STRIP) {
+        uint begin[STRIP], count[STRIP], deepest = 0;
+        for (int k = 0; k < STRIP; ++k) {
+            bool here = p + k >= first_pixel && p + k <= last_pixel;
+            begin[k] = p + k ? pixel_end[first_slot + p + k - 1] : 0;
+            count[k] = here ? pixel_end[first_slot + p + k] - begin[k] : 0;
+            begin[k] += tile_start[tile];
+            deepest = MAX(deepest, count[k]);
+            if (count[k] > RUN_MAX) sort_digits(fragments + begin[k], scratch + begin[k], count[k]);
         }
-        layer[slot] = (float4)(color.xyz, transmittance);
+        Colors blended = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
+        for (uint first = 0; first < deepest; first += RUN_MAX) {
+            VECTOR(ulong) rows[RUN_MAX];
+            uint row_count = MIN(deepest - first, (uint)RUN_MAX);
+            for (int k = 0; k < STRIP; ++k) {
+                uint held = count[k] > first ? MIN(count[k] - first, row_count) : 0;
+                SCALAR_LOOP
+                for (uint row = 0; row < held; ++row) ((ulong *)(rows + row))[k] = fragments[begin[k] + first + row];
+                SCALAR_LOOP
+                for (uint row = held; row < row_count; ++row) ((ulong *)(rows + row))[k] = ABSENT;
+            }
+            if (first == 0) sort_rows(rows, row_count);
+            for (uint row = 0; row < row_count && is_seen(blended.alpha); row += FETCH_ROWS) {
+                Colors source[FETCH_ROWS];
+                uint fetched = MIN(row_count - row, (uint)FETCH_ROWS);
+                fetch_colors(rows + row, fetched, colors, source);
+                for (uint k = 0; k < fetched; ++k) blend_under(&blended, source + k);
+            }
+        }
+        for (int k = 0; k < STRIP; ++k)
+            if (p + k >= first_pixel && p + k <= last_pixel)
+                layer[first_slot + p + k] = (float4)(((const float *)&blended.red)[k], ((const float *)&blended.green)[k],
+                                                     ((const float *)&blended.blue)[k], ((const float *)&blended.alpha)[k]);
     }
 }

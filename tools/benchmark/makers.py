@@ -1,0 +1,86 @@
+"""Scenes that need no files, and those of a folder that has a `scenes.py`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+import clpeel
+
+CAMERA = clpeel.Camera((0, 0, 4), (0, 0, 0), view_angle=30, clipping_range=(2, 6))
+HALF_ANGLE = math.radians(15)
+SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+CUBE_FACES = np.array([face for a, b, c, d in SIDES for face in ((a, b, c), (a, c, d))])
+
+
+def boxes(count: int = 10) -> clpeel.Scene:
+    """count x count x count rotated boxes, every face of one alpha: large triangles, tens of layers."""
+    rng = np.random.default_rng(1)
+    vertices, colors = [], []
+    for place in np.ndindex(count, count, count):
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        vertices.append(CUBE @ turn.T * (0.56 / count) + (np.array(place) + 0.5) / count * 1.2 - 0.6)
+        colors.append([*rng.integers(40, 256, 3), 77])
+    faces = np.concatenate([CUBE_FACES + 8 * box for box in range(count**3)])
+    rgba = np.repeat(np.array(colors, np.uint8), len(CUBE_FACES), axis=0)
+    return clpeel.Scene.from_arrays(np.concatenate(vertices).astype(np.float32), faces, face_colors=rgba)
+
+
+def stack(layers: int) -> clpeel.Scene:
+    """One triangle over the whole picture for each layer, in random order; of so little alpha that none is hidden."""
+    rng = np.random.default_rng(2)
+    away = rng.permutation(np.linspace(2.5, 5.5, layers))
+    reach = 2 * math.tan(HALF_ANGLE) * away
+    corners = np.empty((layers, 3, 3))
+    corners[..., :2] = np.array([[-1, -1], [3, -1], [-1, 3]]) * reach[:, None, None]
+    corners[..., 2] = (4 - away)[:, None]
+    colors = rng.random((layers, 4), np.float32)
+    colors[:, 3] = 1e-3
+    faces = np.arange(3 * layers).reshape(layers, 3)
+    return clpeel.Scene.from_arrays(corners.reshape(-1, 3), faces, face_colors=colors)
+
+
+def soup(count: int, size: int) -> clpeel.Scene:
+    """Random triangles that share no vertex, each less than a pixel wide and high in a picture of `size` pixels."""
+    rng = np.random.default_rng(3)
+    leg = np.float32(0.68 * 8 * math.tan(HALF_ANGLE) / size)
+    corners = np.empty((count, 3, 3), np.float32)
+    corners[:] = rng.uniform(-0.9, 0.9, (count, 1, 3)).astype(np.float32)
+    corners[..., 2] /= 9
+    angle = rng.random(count, np.float32) * np.float32(2 * math.pi)
+    side = np.stack([np.cos(angle), np.sin(angle)], -1) * leg
+    corners[:, 1, :2] += side
+    corners[:, 2, 0] -= side[:, 1]
+    corners[:, 2, 1] += side[:, 0]
+    colors = rng.integers(0, 256, (count, 4), np.uint8)
+    return clpeel.Scene.from_arrays(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), face_colors=colors)
+
+
+OWN: dict[str, Any] = {"boxes": boxes, "stack": stack, "soup": soup}
+
+
+def make(name: str, *numbers: int) -> clpeel.Scene:
+    """An own scene, or what the module `scenes` of the scenes' folder makes of that name."""
+    if name in OWN:
+        scene: clpeel.Scene = OWN[name](*numbers)
+        return scene
+    import scenes  # type: ignore[import-not-found]
+
+    vertices, faces, colors = scenes.named(name)
+    return clpeel.Scene.from_arrays(vertices, faces, face_colors=colors)
+
+
+def write_ply(path: str, vertices: Any, faces: Any) -> None:
+    """A binary PLY, which any program reads at once."""
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = np.empty(len(faces), [("corners", "u1"), ("faces", "<i4", 3)])
+    rows["corners"], rows["faces"] = 3, faces
+    with open(path, "wb") as file:
+        file.write(header.encode() + np.asarray(vertices, "<f4").tobytes() + rows.tobytes())

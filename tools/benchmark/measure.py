@@ -1,0 +1,201 @@
+"""What is measured in a process of its own: `python -m benchmark.measure CASE OPTIONS` prints one line of JSON.
+
+CASE is a name in CASES, OPTIONS its arguments as a JSON object.
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+ENOUGH_SECONDS = 3.0
+"""After so long no further frame is begun: long frames need no repetition to be timed well."""
+
+
+def device() -> dict[str, Any]:
+    """The OpenCL device that a render would use."""
+    import numpy
+
+    from clpeel.device import open_device
+
+    found = open_device().device
+    return {
+        "OpenCL device": found.name.strip(),
+        "OpenCL platform": found.platform.name.strip(),
+        "OpenCL version": found.version.strip(),
+        "OpenCL driver": found.driver_version.strip(),
+        "compute units": found.max_compute_units,
+        "NumPy": numpy.__version__,
+    }
+
+
+def keep(model: str, path: str) -> dict[str, Any]:
+    """Writes the geometry of a model to a binary PLY, for all to read it quickly."""
+    import clpeel
+    from benchmark.makers import write_ply
+
+    scene = clpeel.load(model)
+    write_ply(path, scene.vertices, scene.faces)
+    return {"triangles": len(scene.faces)}
+
+
+def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> dict[str, Any]:
+    """Frames of the jobs, which take turns, each with its camera moved a little; the first of each is not counted.
+
+    A job: scene [name, numbers...], size in pixels, options of `Renderer.render`. out: where the last picture goes.
+    """
+    import numpy as np
+
+    import clpeel
+    from benchmark.makers import CAMERA, make
+
+    made = {str(job["scene"]): job["scene"] for job in jobs}
+    renderers = {key: clpeel.Renderer(make(*scene)) for key, scene in made.items()}
+    seconds: list[list[float]] = [[] for _ in jobs]
+    stats: list[list[dict[str, Any]]] = [[] for _ in jobs]
+    before, camera, began = memory("VmRSS"), CAMERA, 0.0
+    for frame in range(count + 1):
+        if frame == 1:
+            began = time.perf_counter()
+        elif frame > 1 and time.perf_counter() - began > ENOUGH_SECONDS * len(jobs):
+            break
+        camera = camera.azimuth(1e-9)
+        for place, job in enumerate(jobs):
+            result = None  # the picture before makes room
+            renderer = renderers[str(job["scene"])]
+            started = time.perf_counter()
+            result = renderer.render(camera, (job["size"], job["size"]), **job["options"])
+            spent = time.perf_counter() - started
+            if frame:
+                seconds[place].append(spent)
+                stats[place].append(result.stats)
+    if out is not None and result is not None:
+        np.save(out, result.image)
+    found = []
+    for timed, all_stats in zip(seconds, stats, strict=True):
+        stages = {key: medians([one[key] for one in all_stats]) for key in ("seconds", "kernel_seconds")}
+        found.append({"median_s": statistics.median(timed), "stats": {**all_stats[-1], **stages}})
+    return {"jobs": found, "peak_bytes": memory("VmHWM"), "before_bytes": before}
+
+
+def medians(rows: list[dict[str, float]]) -> dict[str, float]:
+    """The median of each key."""
+    return {key: statistics.median(row.get(key, 0.0) for row in rows) for key in rows[-1]}
+
+
+def memory(field: str) -> int:
+    """Bytes resident now ("VmRSS") or at most so far ("VmHWM"); where /proc is missing the most so far."""
+    try:
+        with open("/proc/self/status", encoding="ascii") as file:
+            return next(int(line.split()[1]) * 1024 for line in file if line.startswith(field))
+    except (OSError, StopIteration):
+        import resource
+
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+COPY = (
+    "kernel void copy(global const float4 *from, global float4 *to) { to[get_global_id(0)] = from[get_global_id(0)]; }"
+)
+
+
+def bandwidth(nbytes: int, repeats: int) -> dict[str, Any]:
+    """The best of several copies of a buffer to another: bytes read and bytes written, a second."""
+    import pyopencl as cl
+
+    from clpeel.device import open_device
+
+    gpu = open_device()
+    nbytes = min(nbytes, gpu.device.max_mem_alloc_size, gpu.device.global_mem_size // 4) // 4096 * 4096
+    source, target = (cl.Buffer(gpu.context, cl.mem_flags.READ_WRITE, nbytes) for _ in range(2))
+    kernel = cl.Kernel(cl.Program(gpu.context, COPY).build(), "copy")
+    ways: dict[str, Callable[[], Any]] = {
+        "kernel": lambda: kernel(gpu.queue, (nbytes // 16,), (256,), source, target),
+        "enqueue_copy": lambda: cl.enqueue_copy(gpu.queue, target, source, byte_count=nbytes),
+    }
+    for held in (source, target):
+        cl.enqueue_fill_buffer(gpu.queue, held, b"\1", 0, nbytes)
+    best: dict[str, float] = {}
+    for _ in range(repeats):
+        for name, copy in ways.items():
+            gpu.queue.finish()
+            started = time.perf_counter()
+            copy()
+            gpu.queue.finish()
+            best[name] = max(best.get(name, 0.0), 2 * nbytes / (time.perf_counter() - started))
+    way = max(best, key=lambda name: best[name])
+    return {"bytes_per_second": best[way], "way": way, "nbytes": nbytes}
+
+
+def camera(scene: list[Any], size: int, count: int) -> dict[str, Any]:
+    """Frames of one Renderer from a camera that moves a degree each, then all of them again: what each asked for.
+
+    Returns "turns": for both turns, of each frame, its seconds and what it asked of OpenCL. An allocation is a buffer
+    that the device has to find room for; one that wraps a host's array is counted apart.
+    """
+    import pyopencl as cl
+
+    counted = dict.fromkeys(("allocations", "wrapped", "programs", "bytes to the device"), 0)
+
+    class Buffer(cl.Buffer):  # type: ignore[misc]
+        def __init__(self, context: Any, flags: int, size: int = 0, hostbuf: Any = None) -> None:
+            super().__init__(context, flags, size, hostbuf)
+            counted["wrapped" if flags & cl.mem_flags.USE_HOST_PTR else "allocations"] += 1
+            if flags & cl.mem_flags.COPY_HOST_PTR:
+                counted["bytes to the device"] += hostbuf.nbytes
+
+    class Program(cl.Program):  # type: ignore[misc]
+        def build(self, *arguments: Any, **options: Any) -> Any:
+            counted["programs"] += 1
+            return super().build(*arguments, **options)
+
+    enqueue_copy = cl.enqueue_copy
+
+    def copy(queue: Any, target: Any, source: Any, **options: Any) -> Any:
+        if isinstance(target, cl.MemoryObjectHolder) and not isinstance(source, cl.MemoryObjectHolder):
+            counted["bytes to the device"] += memoryview(source).nbytes
+        return enqueue_copy(queue, target, source, **options)
+
+    cl.Buffer, cl.Program, cl.enqueue_copy = Buffer, Program, copy
+
+    import clpeel
+    from benchmark.makers import CAMERA, make
+
+    renderer = clpeel.Renderer(make(*scene))
+    turns: list[list[dict[str, float]]] = [[], []]
+    host_peak = result_bytes = 0
+    for frame in range(2 * count + 2):
+        traced = frame >= 2 * count  # tracing slows a frame: these two are not timed
+        view = CAMERA.azimuth(frame % count)
+        counted.update(dict.fromkeys(counted, 0))
+        result = None
+        if traced:
+            tracemalloc.start()
+            tracemalloc.reset_peak()
+            held = tracemalloc.get_traced_memory()[0]
+        started = time.perf_counter()
+        result = renderer.render(view, (size, size))
+        spent = time.perf_counter() - started
+        if traced:
+            host_peak = max(host_peak, tracemalloc.get_traced_memory()[1] - held)
+            result_bytes = result.image.nbytes + result.color.nbytes
+        else:
+            turns[frame // count].append({"seconds": spent, **counted})
+    scene_bytes = result.stats["bytes"]["scene"] if result else 0
+    return {"turns": turns, "host_peak_bytes": host_peak, "result_bytes": result_bytes, "scene_bytes": scene_bytes}
+
+
+CASES: dict[str, Callable[..., dict[str, Any]]] = {
+    case.__name__: case for case in (device, keep, frames, bandwidth, camera)
+}
+
+if __name__ == "__main__":
+    try:
+        print(json.dumps(CASES[sys.argv[1]](**json.loads(sys.argv[2])), default=float))
+    except Exception as error:
+        raise SystemExit(f"{type(error).__name__}: {next(iter(str(error).splitlines()), 'no message')}") from None

@@ -1,0 +1,240 @@
+"""How figures are measured: settings, processes that take turns, medians with their spread."""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+TOOLS = Path(__file__).resolve().parent.parent
+SHARED = Path(os.environ.get("CLPEEL_SHARED", TOOLS.parent.parent / "shared"))
+SCENES = ("dragon", "spheres", "boxes", "grass")
+MODELS = {"dragon": "dragon_vrip.ply.gz"}
+"""Scenes that are read from a folder `models` beside that of the scenes."""
+CACHES = ("POCL_CACHE_DIR", "PYOPENCL_CACHE_DIR")
+"""Where else compiled kernels are kept, besides HOME."""
+
+Values = dict[str, Any]
+
+
+class Skipped(Exception):
+    """What a figure needs is not there; the text says what."""
+
+
+class Failed(Exception):
+    """A measured program failed; the text is its last word."""
+
+
+def setting(default: Any, text: str) -> Any:
+    """A field of Settings and what it is called in a report."""
+    return field(default=default, metadata={"text": text})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is measured, and how often; anything other than these defaults is reported."""
+
+    rounds: int = setting(5, "rounds in which processes take turns")
+    frames: int = setting(5, "timed frames of a process")
+    peer_frames: int = setting(3, "timed frames of a process of VTK")
+    peer_rounds: int = setting(5, "rounds in which VTK takes part")
+    size: int = setting(1024, "pixels a side")
+    largest: int = setting(8, "largest picture, in times that side")
+    layers: int = setting(4096, "most layers")
+    triangles: int = setting(10_000_000, "most triangles")
+    probe: int = setting(512, "MiB copied to measure bandwidth")
+    scenes: tuple[str, ...] = setting(SCENES, "scenes")
+
+    @property
+    def reduced(self) -> list[str]:
+        """What is not as by default."""
+        return [
+            f"{one.metadata['text']}: {plain(getattr(self, one.name))} in place of {plain(one.default)}"
+            for one in fields(self)
+            if getattr(self, one.name) != one.default
+        ]
+
+
+QUICK = Settings(
+    rounds=2, frames=3, peer_frames=1, peer_rounds=1, largest=2, layers=1024, triangles=1_000_000, probe=128
+)
+
+
+def plain(value: Any) -> str:
+    """A setting as text."""
+    return ", ".join(value) if isinstance(value, tuple) else f"{value:,}"
+
+
+def spread(values: Iterable[float]) -> Values:
+    """The median of the rounds with their least and greatest."""
+    values = list(values)
+    return {"median": statistics.median(values), "least": min(values), "greatest": max(values), "rounds": values}
+
+
+def ratio(above: Iterable[float], below: Iterable[float]) -> Values:
+    """The spread of the quotients round by round, so that what slowed both in a round cancels."""
+    return spread(a / b for a, b in zip(above, below, strict=False))
+
+
+def target(what: str, value: float, sense: str, bound: float, judged: bool = True) -> Values:
+    """A target and whether it is met; None where what was measured is not what the target speaks of."""
+    met = value <= bound if sense == "<=" else value >= bound
+    return {"what": what, "value": value, "sense": sense, "bound": bound, "met": met if judged else None}
+
+
+def run(command: list[str], environment: dict[str, str]) -> str:
+    """What a program prints; Failed with its last words when it fails."""
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise Failed((done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1].strip())
+    return done.stdout
+
+
+class Bench:
+    """One run of the tool: settings, the environment of its processes, and what figures share."""
+
+    def __init__(self, settings: Settings, folder: Path | None, device: str | None, wanted: Iterable[str]) -> None:
+        """folder: with scenes.py and vtk_peer.py, or None; device: an OpenCL device; wanted: names of figures."""
+        self.settings = settings
+        self.folder = folder
+        self.wanted = tuple(wanted)
+        self.missing: dict[str, str] = {}
+        """What was left out, a scene or a peer, and why."""
+        self._scratch = tempfile.TemporaryDirectory(prefix="clpeel-bench-")
+        self.scratch = Path(self._scratch.name)
+        paths = [str(TOOLS), *([str(folder)] if folder else []), os.environ.get("PYTHONPATH", "")]
+        self.environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        self.device = {} if device is None else {"CLPEEL_DEVICE": device}
+        self.environment |= self.device
+
+    def close(self) -> None:
+        """Removes what the run left."""
+        self._scratch.cleanup()
+
+    def full(self, *names: str) -> bool:
+        """Whether the picture's size and these settings are the defaults, for which the targets are set."""
+        return all(getattr(self.settings, name) == getattr(Settings, name) for name in ("size", *names))
+
+    def measure(self, case: str, **options: Any) -> Values:
+        """What a case of measure.py finds, in a process of its own."""
+        command = [sys.executable, "-P", "-m", "benchmark.measure", case, json.dumps(options)]
+        answer: Values = json.loads(run(command, self.environment).splitlines()[-1])
+        return answer
+
+    def job(self, scene: list[Any], size: int | None = None, **options: Any) -> Values:
+        """A scene [name, numbers...] to be rendered with options of `Renderer.render`."""
+        return {"scene": scene, "size": size or self.settings.size, "options": options}
+
+    def take_turns(self, jobs: list[Values], together: bool) -> list[list[Values]]:
+        """What each job took in each round: frame by frame in one process, or each in a process of its own."""
+        found: list[list[Values]] = [[] for _ in jobs]
+        for _ in range(self.settings.rounds):
+            for part in [jobs] if together else [[job] for job in jobs]:
+                answer = self.measure("frames", jobs=part, count=self.settings.frames)
+                for job, one in zip(part, answer.pop("jobs"), strict=True):
+                    found[jobs.index(job)].append({**one, **answer})
+        return found
+
+    # --- the scenes, which several figures share ---------------------------------------------------------------------
+
+    @cached_property
+    def scenes(self) -> dict[str, list[Any]]:
+        """The scenes at hand, own ones where there is no folder: name to [maker, numbers...]."""
+        if self.folder is None:
+            return {"boxes": ["boxes"], "soup": ["soup", self.settings.triangles // 10, self.settings.size]}
+        found: dict[str, list[Any]] = {}
+        for name in self.settings.scenes:
+            if name not in MODELS:
+                found[name] = [name]
+                continue
+            found[name] = [str(self.scratch / f"{name}.ply")]  # read once, from a text file, and kept for all
+            try:
+                self.measure("keep", model=str(self.folder.parent / "models" / MODELS[name]), path=found[name][0])
+            except Failed as failure:
+                self.missing[name] = str(failure)
+                del found[name]
+        return found
+
+    @cached_property
+    def scene_rounds(self) -> dict[str, dict[str, Any]]:
+        """Each scene: seconds a frame in each round of "clpeel" and of the peers wanted, stats, and "differs"."""
+        return {name: self._rounds(name, scene) for name, scene in self.scenes.items()}
+
+    def _rounds(self, name: str, scene: list[Any]) -> Values:
+        ours, theirs = (str(self.scratch / f"{who}.npy") for who in ("ours", "theirs"))
+        found: Values = {"clpeel": [], "dual": [], "unsorted": [], "stats": []}
+        for number in range(self.settings.rounds):
+            answer = self.measure("frames", jobs=[self.job(scene)], count=self.settings.frames, out=ours)["jobs"][0]
+            found["clpeel"].append(answer["median_s"])
+            found["stats"].append(answer["stats"])
+            for mode in self._peers(number):
+                left_out = f"VTK {mode}, {name}"
+                if left_out in self.missing:
+                    continue
+                try:
+                    found[mode].append(self._peer(mode, scene, theirs))
+                except Failed as failure:
+                    self.missing[left_out] = str(failure)
+                    continue
+                if mode == "dual":
+                    found["differs"] = differences(ours, theirs)
+        return found
+
+    def _peers(self, number: int) -> list[str]:
+        """VTK's modes that take part in a round."""
+        if self.peer_reason or number >= self.settings.peer_rounds:
+            return []
+        modes = {"dual": "peeling", "unsorted": "unsorted"}
+        return [mode for mode, figure in modes.items() if figure in self.wanted]
+
+    @cached_property
+    def peer_reason(self) -> str:
+        """Why there is no VTK, or ""."""
+        from importlib.util import find_spec
+
+        if self.folder is None:
+            return "no folder of scenes (--scenes, or CLPEEL_SHARED)"
+        if not (self.folder / "vtk_peer.py").is_file():
+            return f"no vtk_peer.py in {self.folder.name}"
+        return "" if find_spec("vtk") else "vtk is not installed (pip install vtk)"
+
+    def _peer(self, mode: str, scene: list[Any], out: str) -> float:
+        script = str((self.folder or Path()) / "vtk_peer.py")
+        environment = {**self.environment, "FRAMES": str(self.settings.peer_frames)}
+        printed = run([sys.executable, script, *scene, str(self.settings.size), mode, out], environment)
+        return float(json.loads(printed.splitlines()[-1])["median_s"])
+
+    @cached_property
+    def bandwidth(self) -> Values:
+        """The best of the rounds' copies."""
+        rounds = [
+            self.measure("bandwidth", nbytes=self.settings.probe << 20, repeats=5) for _ in range(self.settings.rounds)
+        ]
+        return max(rounds, key=lambda one: float(one["bytes_per_second"]))
+
+    def command_seconds(self, arguments: list[str], home: str) -> float:
+        """Whole-process seconds of the command `clpeel` with its caches in a folder."""
+        script = Path(sys.executable).with_name("clpeel")
+        command = [str(script)] if script.is_file() else [sys.executable, "-m", "clpeel"]
+        environment = {name: value for name, value in os.environ.items() if name not in CACHES}
+        environment |= {"HOME": home, "XDG_CACHE_HOME": f"{home}/cache", **self.device}
+        started = time.perf_counter()
+        run([*command, *arguments], environment)
+        return time.perf_counter() - started
+
+
+def differences(ours: str, theirs: str) -> dict[str, float]:
+    """Shares of the pixels of two pictures that differ by more than so many steps of 255."""
+    import numpy as np
+
+    off = np.abs(np.load(ours).astype(int) - np.load(theirs))[..., :3].max(axis=2)
+    return {str(step): float((off > step).mean()) for step in (1, 2, 8)}
