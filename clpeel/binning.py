@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.layout import COLOR_BYTES, TILE, TILE_PIXELS
+from clpeel.layout import TILE, TILE_PIXELS
 from clpeel.program import launch, program
 from clpeel.projection import Triangles
 
 STAGE = "binning"
 CHUNKS_A_UNIT = 8
 PAIR_BYTES = 4
-TILE_BYTES = TILE_PIXELS * (4 + COLOR_BYTES)
-"""Of a tile in a batch, whatever it holds: pixel_end and the layer."""
+PAIR_BLOCKS_BYTES = 2
+"""Of a record in a tile's list: its number, and the blocks it covers (raster.h)."""
+TILE_BYTES = TILE_PIXELS * 4
+"""Of a tile in a batch, whatever it holds: pixel_end."""
 
 BATCH_SHARE = 4
 """A batch's lists and tiles take at most this fraction (1 / n) of the budget; its fragments have the rest."""
@@ -33,7 +35,8 @@ class Batch:
     first_tile: int
     last_tile: int
     pair_start: cl.Buffer  # uint32 [tiles + 1]
-    pairs: cl.Buffer  # uint32
+    pairs: cl.Buffer  # uint32 [pair_count]
+    pair_count: int
 
     @property
     def tiles(self) -> int:
@@ -55,7 +58,7 @@ class Tiles:
 
     def batches(self, budget: int) -> Iterator[Batch]:
         """The tiles that hold anything, in runs whose lists fit `budget` bytes (one tile at least)."""
-        cost = self.tile_pairs * PAIR_BYTES + TILE_BYTES
+        cost = self.tile_pairs * (PAIR_BYTES + PAIR_BLOCKS_BYTES) + TILE_BYTES
         ends = np.cumsum(cost)
         held = np.flatnonzero(self.tile_pairs)
         if not len(held):
@@ -91,7 +94,7 @@ class Tiles:
             pair_start=pair_start,
             pairs=pairs,
         )
-        return Batch(first_tile, last_tile, pair_start, pairs)
+        return Batch(first_tile, last_tile, pair_start, pairs, int(starts[-1]))
 
 
 def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:

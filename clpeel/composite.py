@@ -1,4 +1,4 @@
-"""Composition: a batch's layer of premultiplied colour and transmittance into the picture."""
+"""Composition: the picture that layers of premultiplied colour and transmittance are put over a background in."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from clpeel.binning import Batch
 from clpeel.device import Gpu
 from clpeel.layout import TILE, Features
 from clpeel.program import launch, program
@@ -48,48 +47,59 @@ class Picture:
         """Starts anew. side: a pixel is the mean of side x side samples."""
         width, height = self.size
         self.features = features
-        self._tiles = -(-width * side // TILE) * -(-height * side // TILE)
+        self._columns = -(-width * side // TILE)
+        self._tiles = self._columns * -(-height * side // TILE)
         self._done = 0  # tiles, from the first
         # Where nothing is drawn: the background, rounded as composite.cl rounds it.
         empty = [0.0] * 4 if background is None else [*background, 1.0]
         self._empty = (np.array(empty, np.float32) * np.float32(255) + np.float32(0.5)).astype(np.uint8).view(np.uint32)
         red, green, blue = background or (0.0, 0.0, 0.0)
-        self._over = {"red": red, "green": green, "blue": blue, "has_background": background is not None}
         self._places = {
-            "columns": -(-width * side // TILE),
-            "side": side,
-            "width": width,
-            "height": height,
+            "side_bits": side.bit_length() - 1,
             "keep_color": self._color is not None,
             "image": self._image,
             "color": self._color,
         }
+        # What kernels that composite take (composite.h).
+        self.target = {
+            **self._places,
+            "picture_width": width,
+            "picture_height": height,
+            "red": red,
+            "green": green,
+            "blue": blue,
+            "has_background": background is not None,
+            "clamped": self.gpu.put("clamped", np.zeros(1, np.uint32)),
+        }
+
+    def reach(self, first_tile: int, tiles: int) -> None:
+        """Says that these tiles are drawn next; those before them that were not are cleared."""
+        self._clear(first_tile)
+        self._done = first_tile + tiles
 
     def _clear(self, end: int) -> None:
         """Fills the tiles before `end` that nothing was drawn in."""
-        kernel = program(self.gpu, "composite.cl", self.features)["clear"]
-        tiles, first, self._done = end - self._done, self._done, end
-        launch(self.gpu, STAGE, kernel, tiles, self.gpu.lanes, first_tile=first, empty=self._empty[0], **self._places)
-
-    def put(self, batch: Batch, layer: cl.Buffer) -> None:
-        """Composites a layer, float32 [tiles, TILE_PIXELS, 4], over the background into its place; batches in order."""
-        self._clear(batch.first_tile)
-        self._done = batch.last_tile + 1
-        kernel = program(self.gpu, "composite.cl", self.features)["composite"]
+        width, height = self.size
+        first, self._done = self._done, end
         launch(
             self.gpu,
             STAGE,
-            kernel,
-            batch.tiles,
+            program(self.gpu, "composite.cl", self.features)["clear"],
+            end - first,
             self.gpu.lanes,
-            layer=layer,
-            first_tile=batch.first_tile,
-            **self._over,
+            first_tile=first,
+            columns=self._columns,
+            width=width,
+            height=height,
+            empty=self._empty[0],
             **self._places,
         )
 
-    def finish(self) -> None:
-        """Completes what holds nothing, and brings everything drawn to the host."""
+    def finish(self) -> int:
+        """Completes what holds nothing, and brings everything drawn to the host.
+
+        Returns in how many pixels the alphas added up to more than one, so that their colours had to be clamped.
+        """
         self._clear(self._tiles)
         for held, array in ((self._image, self.image), (self._color, self.color)):
             if held is None or array is None:
@@ -99,3 +109,4 @@ class Picture:
             )
             mapped.base.release(self.gpu.queue)
         self.gpu.queue.finish()
+        return int(self.gpu.get(self.target["clamped"], 1, np.uint32)[0])

@@ -22,7 +22,8 @@ SMALL_EXTENT = 1 << 18
 """A triangle of fewer subpixels (1,024 pixels) a side has edge functions that fit 32 bits all over the tiles it meets,
 in steps of SUBPIXELS (raster.cl): |E| <= 2 * 2**18 * (2**18 + 2**12) < 2**38."""
 
-TILE = 16
+TILE_BITS = 4
+TILE = 1 << TILE_BITS
 """Pixels on a side of a tile."""
 
 TILE_PIXELS = TILE * TILE

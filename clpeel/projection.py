@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -43,8 +44,8 @@ class DeviceScene:
 
 @dataclass(frozen=True)
 class Triangles:
-    """Screen triangles: a record for each face that may cover a sample, in submission order, and CLIP_TRIANGLES more behind
-    them for each clipped one.
+    """Screen triangles: a record for each face that may cover a sample, in submission order, and CLIP_TRIANGLES more
+    behind them for each clipped one.
 
     records: TRIANGLE [count]; bounds: uint16 [count, 4], the first and last pixel column and row (first > last: nothing
     to draw); weights: float32 [count, 3, 3] for colours that vary over a face, else None.
@@ -66,6 +67,19 @@ class Triangles:
     def count(self) -> int:
         """How many records there are."""
         return self.listed + CLIP_TRIANGLES * self.clipped
+
+    @property
+    def shading(self) -> dict[str, Any]:
+        """The kernel arguments that say what colour a fragment has."""
+        return {
+            "faces": self.scene.faces,
+            "palette": self.scene.palette,
+            "normals": self.scene.normals,
+            "weights": self.weights,
+            "view_x": self.view[0],
+            "view_y": self.view[1],
+            "view_z": self.view[2],
+        }
 
     @property
     def nbytes(self) -> int:

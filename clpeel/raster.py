@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from clpeel.binning import Batch
+from clpeel.binning import PAIR_BLOCKS_BYTES, Batch
 from clpeel.device import Gpu
 from clpeel.errors import InputError
 from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, TILE, TILE_PIXELS, Features
@@ -18,8 +19,19 @@ from clpeel.projection import Triangles
 
 STAGE = "rasterization"
 
-CACHED_FRAGMENTS = 1 << 20
-"""Most fragments of a window where a lane has a tile to itself: 8 MiB that are still in a CPU's caches when they are read."""
+
+@dataclass(frozen=True)
+class Counts:
+    """How many fragments a batch's tiles and pixels have.
+
+    totals, layers: int64 [tiles], of each tile and of its deepest pixel; pixel_end: uint32 [tiles, TILE_PIXELS],
+    inclusive prefix sums within each tile; walk: the kernel arguments of a walk over the batch's records.
+    """
+
+    totals: NDArray[np.int64]
+    layers: NDArray[np.int64]
+    pixel_end: cl.Buffer
+    walk: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -27,7 +39,8 @@ class Fragments:
     """The fragments of a window: whole tiles, or some pixels of one tile.
 
     fragments: uint64 [count], depth key << 32 | payload (raster.cl), pixel by pixel, each pixel's in submission order.
-    A pixel's begin at tile_start[tile] + pixel_end[pixel before] and end at tile_start[tile] + pixel_end[pixel].
+    A pixel's begin at tile_start[tile] - start + pixel_end[pixel before] and end at tile_start[tile] - start +
+    pixel_end[pixel], `tile` being its place in the batch; all modulo 2**32.
     colors: float32 [count, 4] straight RGBA where colours vary over faces, else the scene's palette.
     """
 
@@ -41,7 +54,8 @@ class Fragments:
     fragments: cl.Buffer
     colors: cl.Buffer
     pixel_end: cl.Buffer  # uint32 [batch tiles, TILE_PIXELS]
-    tile_start: cl.Buffer  # uint32 [tiles], may wrap below zero in a split tile
+    tile_start: cl.Buffer  # uint32 [batch tiles]
+    start: int  # the window's first fragment, in the batch
 
 
 @dataclass(frozen=True)
@@ -52,20 +66,15 @@ class _Window:
     last_pixel: int
     count: int
     layers_max: int
-    tile_start: NDArray[np.uint32]
+    start: int
 
 
-def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> Iterator[Fragments]:
-    """The batch's fragments, at most `capacity` at a time.
-
-    Raises InputError when a single pixel has more than that.
-    """
-    features = triangles.features
-    kernels = program(gpu, "raster.cl", features)
+def count_fragments(gpu: Gpu, triangles: Triangles, batch: Batch) -> Counts:
+    """Counts the batch's fragments, pixel by pixel."""
     width, height = triangles.size
     pixel_end = gpu.buffer("pixel_end", 4 * TILE_PIXELS * batch.tiles)
     tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
-    shared = {
+    walk = {
         "triangles": triangles.records,
         "pair_start": batch.pair_start,
         "pairs": batch.pairs,
@@ -73,35 +82,50 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
         "columns": -(-width // TILE),
         "width": width,
         "height": height,
+        "pair_blocks": gpu.buffer("pair_blocks", PAIR_BLOCKS_BYTES * batch.pair_count),
         "pixel_end": pixel_end,
     }
-    launch(gpu, STAGE, kernels["count_fragments"], batch.tiles, gpu.lanes, **shared, tile_totals=tile_totals)
-    totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32)
+    kernel = program(gpu, "raster.cl", triangles.features)["count_fragments"]
+    launch(gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk, tile_totals=tile_totals)
+    totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32).astype(np.int64)
+    return Counts(totals[:, 0], totals[:, 1], pixel_end, walk)
+
+
+def too_deep(layers: int, capacity: int) -> InputError:
+    """What to say where the memory does not hold one pixel's fragments."""
+    return InputError(
+        f"memory: expected room for the {layers:,} fragments of one pixel, got room for {capacity:,}; raise --memory"
+    )
+
+
+def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> Iterator[Fragments]:
+    """The batch's fragments in the device's memory, at most `capacity` at a time: for techniques of several passes.
+
+    Raises InputError when a single pixel has more than that.
+    """
+    features = triangles.features
+    counts = count_fragments(gpu, triangles, batch)
+    pixel_end = counts.pixel_end
+    tile_start = gpu.put("tile_start", (np.cumsum(counts.totals) - counts.totals).astype(np.uint32))
 
     def pixels_of(tile: int) -> NDArray[np.int64]:
         return gpu.get(pixel_end, TILE_PIXELS, np.uint32, offset=4 * TILE_PIXELS * tile).astype(np.int64)
 
-    for window in _windows(totals, pixels_of, capacity):
-        fragments = gpu.buffer("fragments", FRAGMENT_BYTES * (window.count + window.tiles * gpu.lanes))
+    for window in _windows(counts, pixels_of, capacity):
+        fragments = gpu.buffer("fragments", FRAGMENT_BYTES * window.count)
         colors = gpu.buffer("colors", COLOR_BYTES * window.count) if features.fragment_color else None
-        tile_start = gpu.put("tile_start", window.tile_start)
         launch(
             gpu,
             STAGE,
-            kernels["emit_fragments"],
+            program(gpu, "raster.cl", features)["emit_fragments"],
             window.tiles,
             gpu.lanes,
-            **shared,
+            **counts.walk,
+            **triangles.shading,
             window_tile=window.first,
             tile_start=tile_start,
+            window_start=window.start % 2**32,
             capacity=window.count,
-            faces=triangles.scene.faces,
-            palette=triangles.scene.palette,
-            weights=triangles.weights,
-            normals=triangles.scene.normals,
-            view_x=triangles.view[0],
-            view_y=triangles.view[1],
-            view_z=triangles.view[2],
             fragments=fragments,
             colors=colors,
         )
@@ -117,23 +141,21 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
             colors=triangles.scene.palette if colors is None else colors,
             pixel_end=pixel_end,
             tile_start=tile_start,
+            start=window.start % 2**32,
         )
 
 
-def _windows(
-    totals: NDArray[np.uint32], pixels_of: Callable[[int], NDArray[np.int64]], capacity: int
-) -> Iterator[_Window]:
+def _windows(counts: Counts, pixels_of: Callable[[int], NDArray[np.int64]], capacity: int) -> Iterator[_Window]:
     """Runs of tiles of at most `capacity` fragments; a tile deeper than that in runs of pixels."""
-    counts, layers = totals[:, 0].astype(np.int64), totals[:, 1]
-    after = np.cumsum(counts)
+    totals, layers = counts.totals, counts.layers
+    after = np.cumsum(totals)
     tile = 0
-    while tile < len(counts):
-        before = int(after[tile] - counts[tile])
+    while tile < len(totals):
+        before = int(after[tile] - totals[tile])
         stop = int(np.searchsorted(after, before + capacity, side="right"))
         if stop > tile:
-            starts = (after[tile:stop] - counts[tile:stop] - before).astype(np.uint32)
             count, deepest = int(after[stop - 1]) - before, int(layers[tile:stop].max())
-            yield _Window(tile, stop - tile, 0, TILE_PIXELS - 1, count, deepest, starts)
+            yield _Window(tile, stop - tile, 0, TILE_PIXELS - 1, count, deepest, before)
             tile = stop
             continue
         ends = pixels_of(tile)
@@ -141,12 +163,8 @@ def _windows(
         while pixel < TILE_PIXELS:
             stop = int(np.searchsorted(ends, done + capacity, side="right"))
             if stop == pixel:
-                raise InputError(
-                    f"memory: expected room for the {ends[pixel] - done:,} fragments of one pixel, "
-                    f"got room for {capacity:,}; raise --memory"
-                )
-            start = np.array([-done], np.int64).astype(np.uint32)
+                raise too_deep(int(ends[pixel]) - done, capacity)
             count = int(ends[stop - 1]) - done
-            yield _Window(tile, 1, pixel, stop - 1, count, int(layers[tile]), start)
+            yield _Window(tile, 1, pixel, stop - 1, count, int(layers[tile]), before + done)
             pixel, done = stop, int(ends[stop - 1])
         tile += 1

@@ -18,11 +18,10 @@ from clpeel.composite import Picture
 from clpeel.device import Gpu, open_device
 from clpeel.errors import InputError
 from clpeel.image import save_png
-from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE, TILE_PIXELS
+from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE
 from clpeel.normals import with_normals
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
-from clpeel.raster import CACHED_FRAGMENTS, rasterize
 from clpeel.scene import Scene
 from clpeel.techniques import technique as technique_named
 
@@ -44,7 +43,8 @@ class Result:
     image: uint8 [height, width, 4], row 0 on top: over the background, or straight alpha where there is none.
     color: float32 [height, width, 4], premultiplied, before the background.
     stats: technique, passes, passes_issued, samples_passed, fragments, layers_max, triangles, clipped, discarded,
-    truncated_pixels, batches, seconds {stage: s} by the device's clock, bytes {stage: n}, bytes_per_pixel, device.
+    truncated_pixels, clamped_pixels (alphas that add up to more than 1), batches, seconds {stage: s} and kernel_seconds
+    {kernel: s} by the device's clock, bytes {buffer: n}, bytes_per_pixel, device.
     """
 
     image: NDArray[np.uint8]
@@ -144,26 +144,19 @@ class Renderer:
         capacity = min(
             (budget - batch_budget) // fragment_bytes,
             largest // (COLOR_BYTES if triangles.features.fragment_color else FRAGMENT_BYTES),
-            CACHED_FRAGMENTS if gpu.lanes == 1 else largest,
+            2**31 - 1,  # places are signed where vectors are scattered (common.h)
         )
         picture = self._picture(size, keep_color)
         picture.begin(triangles.features, side, over)
         fragment_count = layers_max = batches = 0
-        total_pairs = max(int(tiles.tile_pairs.sum()), 1)
+        done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
+        at_tile = None if progress is None else lambda tile: report(float(done_pairs[tile - 1]), "rendering")
         for batch in tiles.batches(min(batch_budget, largest)):
+            drawn = chosen.draw(gpu, triangles, batch, picture, capacity, at_tile)
             batches += 1
-            layer = gpu.buffer("layer", COLOR_BYTES * TILE_PIXELS * batch.tiles)
-            for fragments in rasterize(gpu, triangles, batch, capacity):
-                chosen.resolve(gpu, fragments, layer)
-                fragment_count += fragments.count
-                layers_max = max(layers_max, fragments.layers_max)
-                if progress is not None:
-                    gpu.queue.finish()
-                    share = fragments.window_tile + fragments.tiles
-                    done = int(tiles.tile_pairs[: batch.first_tile + share].sum())
-                    report(done / total_pairs, "rendering")
-            picture.put(batch, layer)
-        picture.finish()
+            fragment_count += drawn.fragments
+            layers_max = max(layers_max, drawn.layers_max)
+        clamped_pixels = picture.finish()
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
         # What no kernel took: compiling them the first time, the scene's upload, the host's own work and waiting.
@@ -185,6 +178,7 @@ class Renderer:
             "fragments": fragment_count,
             "layers_max": layers_max,
             "truncated_pixels": 0,
+            "clamped_pixels": clamped_pixels,
             "batches": batches,
             "seconds": seconds,
             "kernel_seconds": kernel_seconds,

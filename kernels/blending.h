@@ -17,4 +17,14 @@ INLINE void blend_under(Colors *destination, const Colors *source)
     destination->alpha *= 1.0f - source->alpha;
 }
 
+// Additive blending, both factors one, of a source whose colour is premultiplied:
+//   Cdst = Cdst + Asrc Csrc,   Adst = Adst + Asrc.
+INLINE void blend_add(Colors *destination, const Colors *source)
+{
+    destination->red += source->alpha * source->red;
+    destination->green += source->alpha * source->green;
+    destination->blue += source->alpha * source->blue;
+    destination->alpha += source->alpha;
+}
+
 #endif

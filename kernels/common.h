@@ -51,7 +51,7 @@ INLINE uint3 load_face(global const uint *faces, uint index)
 
 // --- the pixels of a tile -----------------------------------------------------------------------------------------
 // Block by block, as triangles cover them:  pixel = 16 block + 4 (row in the block) + column in the block.
-INLINE int pixel_at(int column, int row)
+INLINE uint pixel_at(uint column, uint row)
 {
     return (row / BLOCK * BLOCKS_A_ROW + column / BLOCK) * BLOCK_PIXELS + row % BLOCK * BLOCK + column % BLOCK;
 }
@@ -69,6 +69,7 @@ INLINE int pixel_at(int column, int row)
 #endif
 
 // Which elements are -1 rather than 0, a bit each.
+INLINE uint bits_of2(int2 truth) { return (uint)(truth.x & 1) | (uint)(truth.y & 2); }
 INLINE uint bits_of4(int4 truth)
 {
     int4 bit = truth & (int4)(1, 2, 4, 8);
@@ -78,13 +79,65 @@ INLINE uint bits_of4(int4 truth)
 INLINE uint bits_of8(int8 truth) { return bits_of4(truth.lo) | bits_of4(truth.hi) << 4; }
 INLINE uint bits_of16(int16 truth)
 {
+#if defined(__AVX512F__) && __has_builtin(__builtin_ia32_cmpd512_mask)
+    return (ushort)__builtin_ia32_cmpd512_mask(truth, (int16)(0), 4, -1);  // the mask of "not equal", one instruction
+#else
     int16 bit = truth & (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
     int8 a = bit.lo | bit.hi;
     int4 b = a.lo | a.hi;
     int2 c = b.lo | b.hi;
     return (uint)(c.x | c.y);
+#endif
 }
 #define BITS_OF(truth) PASTE(bits_of, STRIP)(truth)
+
+// --- a strip's elements here and there in memory ----------------------------------------------------------------------
+// Places are below 2^31; only those where `present` is -1 are touched. AVX-512 has instructions for it, which compilers find for
+// some elements at best, or not at all; hence by name where they are.
+#if STRIP == 16 && defined(__AVX512F__) && __has_builtin(__builtin_ia32_scattersiv8di)
+#define AVX512 1
+#else
+#define AVX512 0
+#endif
+
+INLINE void scatter(global ulong *to, VECTOR(uint) at, VECTOR(int) present, VECTOR(ulong) value)
+{
+#if AVX512
+    uint bits = BITS_OF(present);
+    __builtin_ia32_scattersiv8di((void *)(size_t)to, bits & 0xFF, as_int8(at.lo), as_long8(value.lo), sizeof(ulong));
+    __builtin_ia32_scattersiv8di((void *)(size_t)to, bits >> 8, as_int8(at.hi), as_long8(value.hi), sizeof(ulong));
+#else
+    for (int k = 0; k < STRIP; ++k)
+        if (((const int *)&present)[k]) to[((const uint *)&at)[k]] = ((const ulong *)&value)[k];
+#endif
+}
+
+// What is not present becomes `otherwise`.
+INLINE VECTOR(ulong) gather_ulong(global const ulong *from, VECTOR(uint) at, VECTOR(int) present, VECTOR(ulong) otherwise)
+{
+#if AVX512
+    uint bits = BITS_OF(present);
+    const void *base = (const void *)(size_t)from;
+    otherwise.lo = as_ulong8(__builtin_ia32_gathersiv8di(as_long8(otherwise.lo), base, as_int8(at.lo), bits & 0xFF, sizeof(ulong)));
+    otherwise.hi = as_ulong8(__builtin_ia32_gathersiv8di(as_long8(otherwise.hi), base, as_int8(at.hi), bits >> 8, sizeof(ulong)));
+#else
+    for (int k = 0; k < STRIP; ++k)
+        if (((const int *)&present)[k]) ((ulong *)&otherwise)[k] = from[((const uint *)&at)[k]];
+#endif
+    return otherwise;
+}
+
+INLINE VECTOR(uint) gather_uint(global const uint *from, VECTOR(uint) at, VECTOR(int) present, VECTOR(uint) otherwise)
+{
+#if AVX512
+    otherwise = as_uint16(__builtin_ia32_gathersiv16si(as_int16(otherwise), (const void *)(size_t)from, as_int16(at),
+                                                       BITS_OF(present), sizeof(uint)));
+#else
+    for (int k = 0; k < STRIP; ++k)
+        if (((const int *)&present)[k]) ((uint *)&otherwise)[k] = from[((const uint *)&at)[k]];
+#endif
+    return otherwise;
+}
 
 // The lowest bit's place, of a number that is not zero.
 #if __has_builtin(__builtin_ctz)

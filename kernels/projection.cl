@@ -82,9 +82,10 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint verte
     Uints outcode[3];
     FOR_EACH_ELEMENT UNROLL for (int j = 0; j < 3; ++j) {
         uint vertex = faces[3 * MIN(first + k, face_count - 1) + j];
-        // The host refuses such faces; this guard is for memory's sake.
         global const Vertex *v = vertices + MIN(vertex, vertex_count - 1);
-        INT_OF(x[j]) = v->x, INT_OF(y[j]) = v->y, INT_OF(outcode[j]) = (int)v->outcode;
+        INT_OF(x[j]) = v->x, INT_OF(y[j]) = v->y;
+        // The host refuses faces with vertices that there are none of; this guard is for memory's sake.
+        INT_OF(outcode[j]) = vertex < vertex_count ? (int)v->outcode : NOT_FINITE;
     }
     Reach reach;
     reach_of(x, y, width, height, &reach);

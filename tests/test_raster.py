@@ -37,7 +37,9 @@ def fragments_of(vertices, size, lanes=1, capacity=1 << 24, camera=None):
                 continue
             stored = gpu.get(window.fragments, window.count, np.uint64)
             ends = gpu.get(window.pixel_end, (batch.tiles, TILE_PIXELS), np.uint32).astype(np.int64)
-            starts = gpu.get(window.tile_start, window.tiles, np.uint32).view(np.int32)
+            starts = (
+                gpu.get(window.tile_start, batch.tiles, np.uint32)[window.window_tile :].astype(np.int64) - window.start
+            )
             for t in range(window.tiles):
                 tile = batch.first_tile + window.window_tile + t
                 for p in range(window.first_pixel, window.last_pixel + 1):

@@ -32,8 +32,8 @@ def test_stats_tell_what_was_done(scene, technique):
     assert stats["triangles"] == 100 and stats["discarded"] == 0 and stats["clipped"] == 0
     assert stats["fragments"] == sum(stats["samples_passed"]) > 1000
     assert 1 < stats["layers_max"] <= 100
-    assert stats["truncated_pixels"] == 0
-    assert {"projection", "binning", "rasterization", "composition", "total"} < stats["seconds"].keys()
+    assert stats["truncated_pixels"] == stats["clamped_pixels"] == 0 or technique == "weighted-sum"
+    assert {"projection", "binning", "rasterization", technique, "total"} < stats["seconds"].keys()
     assert all(seconds >= 0 for seconds in stats["seconds"].values())
     assert stats["bytes_per_pixel"] == pytest.approx(sum(stats["bytes"].values()) / (64 * 48))
     json.dumps(stats)
@@ -51,7 +51,7 @@ def test_fragments_are_the_layers_of_all_pixels(scene):
 
 @pytest.mark.parametrize("lanes", [1, 64])
 def test_memory_changes_the_batches_and_not_the_picture(scene, lanes):
-    vertices, faces = np.tile(scene.vertices, (20, 1)), np.arange(6000).reshape(-1, 3)
+    vertices, faces = np.tile(scene.vertices, (60, 1)), np.arange(18_000).reshape(-1, 3)
     dense = clpeel.Scene.from_arrays(vertices, faces, color=(9, 9, 9, 9))
     large = clpeel.render(dense, CAMERA, (150, 130), lanes=lanes)
     small = clpeel.render(dense, CAMERA, (150, 130), lanes=lanes, memory="1M")
@@ -71,7 +71,8 @@ def test_a_renderer_keeps_scene_programs_and_buffers(scene):
     assert (first.color != second.color).any() and (first.color == back.color).all()
     assert renderer.gpu.programs == programs
     grown = {name for name in held if renderer.gpu.buffers[name] is not held[name]}
-    assert grown <= {"pairs", "fragments", "tile_start", "pair_start", "scratch"}  # what depends on the view
+    # What depends on the view.
+    assert grown <= {"listed", "triangles", "bounds", "pairs", "pair_start", "pair_blocks", "fragments"}
     again = dict(renderer.gpu.buffers)
     renderer.render(CAMERA, (64, 64))
     assert all(renderer.gpu.buffers[name] is again[name] for name in again)

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import pyopencl as cl
-
-from clpeel.device import Gpu
+from clpeel.draw import Drawn
 from clpeel.errors import InputError
-from clpeel.raster import Fragments
-from clpeel.techniques import sort
+from clpeel.techniques import sort, weighted_sum
 
 
 @dataclass(frozen=True)
 class Technique:
-    """resolve: fills its pixels of a batch's layer (float32 [tiles, TILE_PIXELS, 4], premultiplied colour and the
-    transmittance behind it) from a window's fragments; fragment_bytes: what it needs for each besides the fragment."""
+    """How layers are found and blended.
+
+    draw: (gpu, triangles, batch, picture, capacity, report) draws a batch of tiles with room for `capacity` fragments;
+    fragment_bytes: what it needs for each besides the fragment.
+    """
 
     summary: str
-    resolve: Callable[[Gpu, Fragments, cl.Buffer], None]
+    draw: Callable[..., Drawn]
     fragment_bytes: int
     passes: int  # geometry passes, as the paper counts them
     exact: bool
@@ -27,7 +27,8 @@ class Technique:
 
 
 TECHNIQUES: dict[str, Technique] = {
-    "sort": Technique(sort.SUMMARY, sort.resolve, sort.SCRATCH_BYTES, passes=1, exact=True),
+    "sort": Technique(sort.SUMMARY, sort.draw, sort.SCRATCH_BYTES, passes=1, exact=True),
+    "weighted-sum": Technique(weighted_sum.SUMMARY, weighted_sum.draw, 0, passes=1, exact=False),
 }
 
 

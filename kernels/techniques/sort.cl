@@ -1,7 +1,5 @@
 // sort: the exact picture, by sorting each pixel's fragments and blending them front to back.
 //
-//   resolve    one work-group a tile, one lane a strip of its pixels at a time
-//
 // Order: (depth, submission index), nearest first: that of the fragments as integers (raster.cl). Up to RUN_MAX of each of a
 // strip's pixels are held in private memory, a row of vectors for each layer, and sorted side by side by one network, whose
 // steps depend on no depth. A deeper pixel is sorted first where it lies, by its digits.
@@ -18,13 +16,16 @@ INLINE void exchange(VECTOR(ulong) *nearer, VECTOR(ulong) *farther)
 
 INLINE void sort_rows(VECTOR(ulong) *rows, uint count)
 {
-    for (uint sorted = 1; sorted < count; sorted *= 2) {
-        // Two sorted runs, the second from behind: then the lesser of each pair are in the first run's place.
-        for (uint middle = sorted; middle < count; middle += 2 * sorted)
-            for (uint b = middle; b < MIN(middle + sorted, count); ++b) exchange(rows + (2 * middle - 1 - b), rows + b);
-        for (uint gap = sorted / 2; gap; gap /= 2)
-            for (uint middle = gap; middle < count; middle += 2 * gap)
-                for (uint b = middle; b < MIN(middle + gap, count); ++b) exchange(rows + (b - gap), rows + b);
+    uint top = 1;
+    while (2 * top < count) top *= 2;
+    for (uint p = count > 1 ? top : 0; p; p /= 2) {
+        uint q = top, r = 0, d = p;
+        for (;;) {
+            for (uint first = r; first + d < count; first += 2 * p)
+                for (uint k = first; k < MIN(first + p, count - d); ++k) exchange(rows + k, rows + k + d);
+            if (q == p) break;
+            d = q - p, q /= 2, r = p;
+        }
     }
 }
 
@@ -67,43 +68,27 @@ INLINE bool is_seen(VECTOR(float) transmittance)
     return seen;
 }
 
-kernel void resolve(global ulong *fragments, global ulong *scratch, global const uint *pixel_end,
-                    global const uint *tile_start, global const void *colors, uint window_tile,
-                    uint first_pixel, uint last_pixel, global float4 *layer)
+INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, VECTOR(uint) count,
+                          global const void *colors, Colors *resolved)
 {
-    uint tile = get_group_id(0), first_slot = (window_tile + tile) * TILE_PIXELS;
-    for (uint p = get_local_id(0) * STRIP; p < TILE_PIXELS; p += LANES * STRIP) {
-        uint begin[STRIP], count[STRIP], deepest = 0;
-        for (int k = 0; k < STRIP; ++k) {
-            bool here = p + k >= first_pixel && p + k <= last_pixel;
-            begin[k] = p + k ? pixel_end[first_slot + p + k - 1] : 0;
-            count[k] = here ? pixel_end[first_slot + p + k] - begin[k] : 0;
-            begin[k] += tile_start[tile];
-            deepest = MAX(deepest, count[k]);
-            if (count[k] > RUN_MAX) sort_digits(fragments + begin[k], scratch + begin[k], count[k]);
+    uint deepest = 0;
+    for (int k = 0; k < STRIP; ++k) {
+        uint size = ((const uint *)&count)[k], from = ((const uint *)&begin)[k];
+        deepest = MAX(deepest, size);
+        if (size > RUN_MAX) sort_digits(fragments + from, scratch + from, size);
+    }
+    for (uint first = 0; first < deepest; first += RUN_MAX) {
+        VECTOR(ulong) rows[RUN_MAX];
+        uint row_count = MIN(deepest - first, (uint)RUN_MAX);
+        load_rows(fragments, begin, count, first, row_count, rows);
+        if (first == 0) sort_rows(rows, row_count);
+        for (uint row = 0; row < row_count && is_seen(resolved->alpha); row += FETCH_ROWS) {
+            Colors source[FETCH_ROWS];
+            uint fetched = MIN(row_count - row, (uint)FETCH_ROWS);
+            fetch_colors(rows + row, fetched, colors, source);
+            for (uint k = 0; k < fetched; ++k) blend_under(resolved, source + k);
         }
-        Colors blended = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
-        for (uint first = 0; first < deepest; first += RUN_MAX) {
-            VECTOR(ulong) rows[RUN_MAX];
-            uint row_count = MIN(deepest - first, (uint)RUN_MAX);
-            for (int k = 0; k < STRIP; ++k) {
-                uint held = count[k] > first ? MIN(count[k] - first, row_count) : 0;
-                SCALAR_LOOP
-                for (uint row = 0; row < held; ++row) ((ulong *)(rows + row))[k] = fragments[begin[k] + first + row];
-                SCALAR_LOOP
-                for (uint row = held; row < row_count; ++row) ((ulong *)(rows + row))[k] = ABSENT;
-            }
-            if (first == 0) sort_rows(rows, row_count);
-            for (uint row = 0; row < row_count && is_seen(blended.alpha); row += FETCH_ROWS) {
-                Colors source[FETCH_ROWS];
-                uint fetched = MIN(row_count - row, (uint)FETCH_ROWS);
-                fetch_colors(rows + row, fetched, colors, source);
-                for (uint k = 0; k < fetched; ++k) blend_under(&blended, source + k);
-            }
-        }
-        for (int k = 0; k < STRIP; ++k)
-            if (p + k >= first_pixel && p + k <= last_pixel)
-                layer[first_slot + p + k] = (float4)(((const float *)&blended.red)[k], ((const float *)&blended.green)[k],
-                                                     ((const float *)&blended.blue)[k], ((const float *)&blended.alpha)[k]);
     }
 }
+
+#include "draw.h"

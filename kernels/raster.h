@@ -1,0 +1,255 @@
+// A tile's records to its fragments, exactly: the walk that counting (raster.cl) and drawing share.
+//
+// A tile's blocks of 4 x 4 pixels are cut into strips of STRIP pixels; strip s belongs to lane s % LANES, which alone writes
+// its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order:
+//
+//   fragments:    | pixel 0: first submitted .. last | pixel 1: ... |      key << 32 | payload
+//   pixel_end:    inclusive prefix sum of the counts within the tile (pixels in the order of common.h)
+//   pair_blocks:  of each record of each tile's list, the blocks that it covers anything of (where LANES is 1)
+//
+// key: DEPTH_KEY of the fragment's depth. payload: its face, or its own place where that has a colour of its own (`colors`).
+// Both grow with submission, so a fragment is one integer, and their order is that of (depth, submission index).
+#ifndef RASTER_H
+#define RASTER_H
+
+#include "shading.h"
+#include "wide.h"
+
+#define STRIPS_A_LANE (TILE_PIXELS / STRIP / LANES)
+
+// The blocks with strips of this lane (a bit each), a block's place among them, and the first of its pixels that the lane has.
+#if LANES <= TILE_BLOCKS
+#define LANE_BLOCKS (((1u << TILE_BLOCKS) - 1) / ((1u << LANES) - 1) << lane)
+#define OWN(block) ((block) / LANES)
+#define FIRST_PIXEL 0
+#else
+#define LANE_BLOCKS (1u << lane * STRIP / BLOCK_PIXELS)
+#define OWN(block) 0
+#define FIRST_PIXEL (lane * STRIP % BLOCK_PIXELS)
+#endif
+
+// Offsets of a strip's samples from its first.
+#define STRIP_COLUMNS ((VECTOR(int))(IOTA) & (VECTOR(int))(BLOCK - 1))
+#define STRIP_ROWS ((VECTOR(int))(IOTA) / (VECTOR(int))(BLOCK))
+
+// A record in a tile: its edge functions, E(x, y) = dx (y - y_a) - dy (x - x_a) for the edge from corner a to corner b;
+// edge k is opposite corner k, and E is twice the area of the sub-triangle that weighs it. What makes a sample exactly on
+// an edge belong to one side only: with y down and positive area, top edges run right and left edges run up; they own
+// their samples (E >= 0), the others do not (E > 0).
+//
+// From pixel to pixel E changes by SUBPIXELS times dx or dy, so all samples have the same E modulo SUBPIXELS:
+//   E - least = SUBPIXELS F + rest,   covered: F >= 0
+// and F fits 32 bits all over the tile for records below SMALL_EXTENT. F, and so the weights, are the same integers in 64.
+//
+// Records are made ready WIDE at a time, then gone through one by one.
+typedef struct {
+    Longs first[3];  // F at the lane's first sample of the tile's first block
+    Ints dx[3], dy[3];  // F grows by dx a pixel further down and falls by dy a pixel further right
+    Floats rest[3];  // rest + least
+    Ints small;
+    Uints blocks;  // those of the tile that its bounds reach, a bit each
+    Ints many;  // whether so many that it is worth finding out which of them it does not meet
+} Walks;
+
+// x, y: the lane's first sample of the tile's first block. Past the last of `count` records the last is done again.
+INLINE void ready_walks(global const Triangle *triangles, global const uint *records, uint count, int x, int y, int tile_x,
+                        int tile_y, Walks *w)
+{
+    Ints corner_x[3], corner_y[3], left, right, top, bottom;
+    FOR_EACH_ELEMENT {
+        global const Triangle *t = triangles + records[MIN((uint)k, count - 1)];
+        UNROLL for (int j = 0; j < 3; ++j) INT_OF(corner_x[j]) = t->x[j], INT_OF(corner_y[j]) = t->y[j];
+        INT_OF(left) = (int)(t->left_right & 0xFFFF), INT_OF(right) = (int)(t->left_right >> 16);
+        INT_OF(top) = (int)(t->top_bottom & 0xFFFF), INT_OF(bottom) = (int)(t->top_bottom >> 16);
+        INT_OF(w->small) = (int)t->small;
+    }
+    UNROLL for (int k = 0; k < 3; ++k) {
+        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2;
+        Ints dx = corner_x[b] - corner_x[a], dy = corner_y[b] - corner_y[a];
+        Ints least = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0))) ? (Ints)(0) : (Ints)(1);
+        Longs e = TO(Longs, dx) * TO(Longs, y - corner_y[a]) - TO(Longs, dy) * TO(Longs, x - corner_x[a]) - TO(Longs, least);
+        w->first[k] = e >> (Longs)(SUBPIXEL_BITS);
+        w->rest[k] = TO(Floats, (TO(Ints, e) & (Ints)(SUBPIXELS - 1)) + least);
+        w->dx[k] = dx, w->dy[k] = dy;
+    }
+    left = MAX(left - tile_x, (Ints)(0)) / BLOCK, right = MIN(right - tile_x, (Ints)(TILE - 1)) / BLOCK;
+    top = MAX(top - tile_y, (Ints)(0)) / BLOCK, bottom = MIN(bottom - tile_y, (Ints)(TILE - 1)) / BLOCK;
+    // A row of blocks is BLOCKS_A_ROW bits: those of the columns, times one bit for each row.
+    Uints columns = ((Uints)(2) << TO(Uints, right)) - ((Uints)(1) << TO(Uints, left));
+    Uints rows = ((Uints)(2) << TO(Uints, bottom * BLOCKS_A_ROW)) - ((Uints)(1) << TO(Uints, top * BLOCKS_A_ROW));
+    w->blocks = columns * (rows & (Uints)(0x1111u));
+    w->many = (right - left + 1) * (bottom - top + 1) > (Ints)(4);
+}
+
+// The same of one record, in registers.
+typedef struct {
+    long first[3];
+    int dx[3], dy[3];
+    float rest[3];
+    VECTOR(int) step[3];  // how F differs over a strip
+    bool small;
+} Walk;
+
+#define LONG_OF(vector) (((const long *)&(vector))[k])
+
+INLINE void walk_of(const Walks *walks, uint k, Walk *w)
+{
+    w->small = INT_OF(walks->small);
+    UNROLL for (int j = 0; j < 3; ++j) {
+        w->first[j] = LONG_OF(walks->first[j]);
+        w->dx[j] = INT_OF(walks->dx[j]), w->dy[j] = INT_OF(walks->dy[j]);
+        w->rest[j] = FLOAT_OF(walks->rest[j]);
+        w->step[j] = (VECTOR(int))(w->dx[j]) * STRIP_ROWS - (VECTOR(int))(w->dy[j]) * STRIP_COLUMNS;
+    }
+}
+
+// Those of a record's blocks that it may meet, of a lane.
+INLINE uint blocks_met(const Walks *walks, uint k, const Walk *w, int lane)
+{
+    uint blocks = (uint)INT_OF(walks->blocks) & LANE_BLOCKS;
+#if STRIP == TILE_BLOCKS
+    if (INT_OF(walks->many) && w->small) {
+        // All blocks at once, a block an element: the sample of each that lies farthest inside.
+        VECTOR(int) met = (VECTOR(int))(-1);
+        UNROLL for (int j = 0; j < 3; ++j) {
+            int inside = (int)w->first[j] + (BLOCK - 1) * (MAX(w->dx[j], 0) - MIN(w->dy[j], 0));
+            met &= w->step[j] * BLOCK + (VECTOR(int))(inside) >= (VECTOR(int))(0);
+        }
+        blocks &= BITS_OF(met);
+    }
+#endif
+    return blocks;
+}
+
+// Coverage of the lane's strip of a block: -1 or 0 a sample, and the barycentric weights times twice the area.
+INLINE VECTOR(int) cover(const Walk *w, int block, VECTOR(float) weight[3])
+{
+    VECTOR(int) covered = (VECTOR(int))(-1);
+    int column = block % BLOCKS_A_ROW * BLOCK, row = block / BLOCKS_A_ROW * BLOCK;
+    if (w->small) {
+        UNROLL for (int k = 0; k < 3; ++k) {
+            VECTOR(int) f = (VECTOR(int))((int)w->first[k] + row * w->dx[k] - column * w->dy[k]) + w->step[k];
+            covered &= f >= (VECTOR(int))(0);
+            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + w->rest[k];
+        }
+    } else {
+        UNROLL for (int k = 0; k < 3; ++k) {
+            long first = w->first[k] + (long)row * w->dx[k] - (long)column * w->dy[k];
+            VECTOR(long) f = (VECTOR(long))(first) + CONVERT(long, STRIP, w->step[k]);
+            covered &= CONVERT(int, STRIP, f >= (VECTOR(long))(0));
+            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + w->rest[k];
+        }
+    }
+    return covered;
+}
+
+// Which samples of a strip are in the image, where a tile reaches beyond it: a triangle may, too.
+INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left)
+{
+    int column = block % BLOCKS_A_ROW * BLOCK + FIRST_PIXEL % BLOCK, row = block / BLOCKS_A_ROW * BLOCK + FIRST_PIXEL / BLOCK;
+    return STRIP_COLUMNS < (VECTOR(int))(columns_left - column) & STRIP_ROWS < (VECTOR(int))(rows_left - row);
+}
+
+// What every walk begins with.
+#define ENTER_TILE                                                                                              \
+    int lane = get_local_id(0);                                                                                 \
+    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE; \
+    int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
+    bool beyond = tile_x + TILE > width || tile_y + TILE > height;
+
+// Goes through the tile's records: `record`, and `w`, its walk.
+#define FOR_EACH_RECORD                                                                                         \
+    for (uint batch = pair_start[tile], end = pair_start[tile + 1]; batch < end; batch += WIDE) {               \
+        uint ready = MIN(end - batch, (uint)WIDE);                                                              \
+        for (uint ahead = batch + WIDE; ahead < MIN(batch + 2 * WIDE, end); ++ahead) PREFETCH(triangles + pairs[ahead]); \
+        Walks walks;                                                                                            \
+        ready_walks(triangles, pairs + batch, ready, x, y, tile_x, tile_y, &walks);                              \
+        for (uint n = 0; n < ready; ++n) {                                                                      \
+            uint record = pairs[batch + n];                                                                     \
+            Walk w;                                                                                             \
+            walk_of(&walks, n, &w);
+
+// Goes through blocks, a bit each: the next is the lowest bit of `left`.
+#define FOR_EACH_BLOCK(blocks) for (uint left = blocks; left; left &= left - 1)
+
+#if FRAGMENT_COLOR
+// Colour of one fragment: weights of the face's vertices, not yet divided by their sum.
+INLINE float4 shade(const float vertex_weight[3], uint source, global const uint *faces,
+                    global const void *palette, global const float *normals, float3 view_direction)
+{
+    // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
+    float a = MAX(vertex_weight[0], 0.0f), b = MAX(vertex_weight[1], 0.0f), c = MAX(vertex_weight[2], 0.0f);
+    float scale = 1.0f / (a + b + c);
+    a *= scale, b *= scale, c *= scale;
+    uint3 face = load_face(faces, source);
+#if COLOR_RATE_VERTEX
+    float4 color = a * palette_color(palette, face.x) + b * palette_color(palette, face.y) +
+                   c * palette_color(palette, face.z);
+#else
+    float4 color = palette_color(palette, COLOR_RATE_FACE ? source : 0);
+#endif
+#if HEADLIGHT
+    float3 n = a * load3(normals, face.x) + b * load3(normals, face.y) + c * load3(normals, face.z);
+    float length2 = n.x * n.x + n.y * n.y + n.z * n.z;
+    float facing = n.x * view_direction.x + n.y * view_direction.y + n.z * view_direction.z;
+    float cosine = length2 > 0.0f ? MIN(fabs(facing) / sqrt(length2), 1.0f) : 1.0f;
+    color.xyz *= AMBIENT + (1.0f - AMBIENT) * cosine;
+#endif
+    return color;
+}
+#endif
+
+// Emits a tile's fragments: those at `start` .. `start + capacity` of the tile (what a tile too deep for the memory has
+// besides is left to another time), relative to `start`.
+INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, global const ushort *pair_blocks, uint tile,
+                      uint first_tile, int columns, int width, int height, global const uint *pixel_end, uint start,
+                      uint capacity, global const uint *faces, global const void *palette, global const float *weights,
+                      global const float *normals, float3 view, global ulong *fragments, global float4 *colors)
+{
+    ENTER_TILE
+    VECTOR(uint) next[STRIPS_A_LANE];
+    for (int own = 0; own < STRIPS_A_LANE; ++own)
+        for (int k = 0; k < STRIP; ++k) {
+            int p = (own * LANES + lane) * STRIP + k;
+            ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) - start;
+        }
+
+    FOR_EACH_RECORD
+        global const Triangle *t = triangles + record;
+        FOR_EACH_BLOCK(LANES == 1 ? pair_blocks[batch + n] : blocks_met(&walks, n, &w, lane)) {
+            int block = LOWEST_BIT(left);
+            VECTOR(float) weight[3];
+            VECTOR(int) covered = cover(&w, block, weight);
+            if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
+            VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
+            depth = MAX(depth, (VECTOR(float))(t->depth_min));
+            depth = MIN(depth, (VECTOR(float))(t->depth_max));
+            VECTOR(ulong) value = CONVERT(ulong, STRIP, DEPTH_KEY(VECTOR(uint), depth)) << (VECTOR(ulong))(32);
+#if !FRAGMENT_COLOR
+            value |= (VECTOR(ulong))((ulong)t->source);
+#endif
+            VECTOR(uint) *places = next + OWN(block);
+#if FRAGMENT_COLOR
+            for (uint bits = BITS_OF(covered); bits; bits &= bits - 1) {
+                int k = LOWEST_BIT(bits);
+                uint at = ((uint *)places)[k]++;
+                if (at >= capacity) continue;
+                float vertex_weight[3];
+                for (int j = 0; j < 3; ++j) {
+                    vertex_weight[j] = 0.0f;
+                    for (int c = 0; c < 3; ++c)
+                        vertex_weight[j] += ((const float *)&weight[c])[k] * weights[9 * record + 3 * c + j];
+                }
+                colors[at] = shade(vertex_weight, t->source, faces, palette, normals, view);
+                fragments[at] = ((const ulong *)&value)[k] | at;
+            }
+#else
+            VECTOR(uint) at = *places;
+            *places -= PASTE(as_, VECTOR(uint))(covered);
+            scatter(fragments, at, covered & (at < (VECTOR(uint))(capacity)), value);
+#endif
+        }
+    }}
+}
+
+#endif
