@@ -48,8 +48,9 @@ def draw_once(
 ) -> Drawn:
     """Draws the batch with the technique in the kernel file `path`, with room for `capacity` fragments.
 
-    scratch_bytes: what the technique needs besides for each fragment where a pixel has more than RUN_MAX; report:
-    called now and then with the picture's tile that it has come to. Raises InputError when a single pixel has more fragments.
+    scratch_bytes: what the technique needs besides for each fragment where a pixel has more than RUN_MAX.
+    report: called now and then with the picture's tile that it has come to.
+    Raises InputError when a single pixel has more fragments than that.
     """
     features = triangles.features
     counts = count_fragments(gpu, triangles, batch)
@@ -57,7 +58,7 @@ def draw_once(
     if layers_max > capacity:
         raise too_deep(layers_max, capacity)
     units = int(gpu.device.max_compute_units)
-    # A slab holds the fullest tile. Where many of those are too much, fewer groups; at last, fuller tiles in parts.
+    # A slab holds the fullest tile; where many of those are too much, fewer groups; at last, fuller tiles in parts.
     slab = max(int(counts.totals.max()), 1)
     groups = min(max(CACHED_FRAGMENTS // slab, units), GROUPS_A_UNIT * units, batch.tiles)
     if groups * slab > capacity:
