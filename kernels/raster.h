@@ -66,7 +66,7 @@ INLINE void ready_walks(global const Triangle *triangles, global const uint *rec
     UNROLL for (int k = 0; k < 3; ++k) {
         int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2;
         Ints dx = corner_x[b] - corner_x[a], dy = corner_y[b] - corner_y[a];
-        Ints least = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0))) ? (Ints)(0) : (Ints)(4);
+        Ints least = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0))) ? (Ints)(0) : (Ints)(1);
         Longs e = TO(Longs, dx) * TO(Longs, y - corner_y[a]) - TO(Longs, dy) * TO(Longs, x - corner_x[a]) - TO(Longs, least);
         w->first[k] = e >> (Longs)(SUBPIXEL_BITS);
         w->rest[k] = TO(Floats, (TO(Ints, e) & (Ints)(SUBPIXELS - 1)) + least);
