@@ -15,8 +15,8 @@ from clpeel.program import launch, program
 from clpeel.projection import Triangles
 from clpeel.raster import count_fragments, too_deep
 
-GROUPS_A_UNIT = 32
-"""Work-groups for each compute unit: enough for an even load, each with fragments of its own."""
+GROUPS_A_UNIT = 16
+"""Work-groups for each compute unit, each with a slab of its own."""
 
 
 CACHED_FRAGMENTS = 1 << 22
@@ -87,7 +87,7 @@ def draw_once(
             **triangles.shading,
             **picture.target,
             **buffers,
-            from_tile=tile,
+            next_tile=gpu.put("next_tile", np.array([tile], np.uint32)),
             to_tile=stop,
             slab=slab,
         )

@@ -2,6 +2,7 @@
 //
 //   draw    a work-group draws tile after tile: emits the fragments, resolves them, composites the picture
 //
+// Groups take the tiles as they come to them, so that all have work to the end, whichever tiles are full.
 // The tiles' fragments go one after the other into the same part of the group's, `slab` long, and are read while they are still
 // in the device's caches: they never cross its memory. A tile that holds more is drawn in runs of pixels.
 //
@@ -17,7 +18,7 @@
 
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  global const ushort *pair_blocks, uint first_tile,
-                 uint from_tile, uint to_tile, int columns, int width, int height, global const uint *pixel_end, global const uint *faces,
+                 volatile global uint *next_tile, uint to_tile, int columns, int width, int height, global const uint *pixel_end, global const uint *faces,
                  global const void *palette, global const float *weights, global const float *normals, float view_x,
                  float view_y, float view_z, uint slab, global ulong *fragments, global ulong *scratch,
                  global float4 *colors, int side_bits, int picture_width, int picture_height, float red, float green,
@@ -25,11 +26,16 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  global uchar4 *image, global float4 *color)
 {
     local float4 layer[TILE_PIXELS];
+    local uint taken;
     size_t own = (size_t)get_group_id(0) * slab;
     fragments += own;
     if (scratch) scratch += own;
     if (FRAGMENT_COLOR) colors += own;
-    for (uint tile = from_tile + get_group_id(0); tile < to_tile; tile += get_num_groups(0)) {
+    for (;;) {
+        if (get_local_id(0) == 0) taken = atomic_inc(next_tile);
+        barrier(CLK_LOCAL_MEM_FENCE);
+        uint tile = taken;
+        if (tile >= to_tile) break;
         global const uint *ends = pixel_end + tile * TILE_PIXELS;
         for (uint first = 0, last; first < TILE_PIXELS; first = last + 1) {
             uint start = first ? ends[first - 1] : 0;
@@ -56,7 +62,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
         }
         uint beyond = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height,
-                       (float4)(red, green, blue, has_background), keep_color, image, color);
+                                     (float4)(red, green, blue, has_background), keep_color, image, color);
         if (beyond) atomic_add(clamped, beyond);
         barrier(CLK_LOCAL_MEM_FENCE);
     }
