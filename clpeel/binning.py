@@ -57,29 +57,20 @@ class Tiles:
     tile_pairs: NDArray[np.int64]  # [tiles]
 
     def batches(self, budget: int) -> Iterator[Batch]:
-        """The tiles that hold anything, in runs whose lists fit `budget` bytes (one tile at least)."""
-        cost = self.tile_pairs * (PAIR_BYTES + PAIR_BLOCKS_BYTES) + TILE_BYTES
-        ends = np.cumsum(cost)
-        held = np.flatnonzero(self.tile_pairs)
-        if not len(held):
-            return
-        tile, last_held = int(held[0]), int(held[-1])
-        while tile <= last_held:
-            before = ends[tile] - cost[tile]
+        """All tiles, in runs whose lists fit `budget` bytes (one tile at least)."""
+        ends = np.cumsum(self.tile_pairs * (PAIR_BYTES + PAIR_BLOCKS_BYTES) + TILE_BYTES)
+        tile, before = 0, 0
+        while tile < len(ends):
             last = max(int(np.searchsorted(ends, before + budget, side="right")) - 1, tile)
-            last = min(last, last_held)
             yield self._emit(tile, last)
-            following = np.searchsorted(held, last + 1)
-            if following == len(held):
-                return
-            tile = int(held[following])
+            tile, before = last + 1, int(ends[last])
 
     def _emit(self, first_tile: int, last_tile: int) -> Batch:
         starts = np.zeros(last_tile - first_tile + 2, np.int64)
         np.cumsum(self.tile_pairs[first_tile : last_tile + 1], out=starts[1:])
         pair_start = self.gpu.put("pair_start", starts.astype(np.uint32))
         pairs = self.gpu.buffer("pairs", int(starts[-1]) * PAIR_BYTES)
-        kernel = program(self.gpu, "binning.cl", self.triangles.features)["bin_emit"]
+        kernel = program(self.gpu, "stages.cl", self.triangles.features)["bin_emit"]
         launch(
             self.gpu,
             STAGE,
@@ -111,7 +102,7 @@ def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
     chunks = -(-max(triangles.listed, 1) // chunk_records)
     counts = gpu.buffer("counts", 4 * chunks * tile_count)
     tile_pairs = gpu.buffer("tile_pairs", 4 * tile_count)
-    kernels = program(gpu, "binning.cl", triangles.features)
+    kernels = program(gpu, "stages.cl", triangles.features)
     walk = _walk(triangles, columns, chunk_records, tile_count, counts)
     launch(gpu, STAGE, kernels["bin_count"], chunks, 1, **walk, first_row=0, last_row=rows - 1)
     launch(

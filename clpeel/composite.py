@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
 from clpeel.device import Gpu
-from clpeel.layout import TILE, Features
-from clpeel.program import launch, program
-
-STAGE = "composition"
 
 
 class Picture:
@@ -43,64 +40,32 @@ class Picture:
         """Whether nobody else holds its arrays, nor a view of them, so that it may be drawn over."""
         return self._references() == self._own_references
 
-    def begin(self, features: Features, side: int, background: tuple[float, float, float] | None) -> None:
-        """Starts anew. side: a pixel is the mean of side x side samples."""
-        width, height = self.size
-        self.features = features
-        self._columns = -(-width * side // TILE)
-        self._tiles = self._columns * -(-height * side // TILE)
-        self._done = 0  # tiles, from the first
-        # Where nothing is drawn: the background, rounded as composite.cl rounds it.
-        empty = [0.0] * 4 if background is None else [*background, 1.0]
-        self._empty = (np.array(empty, np.float32) * np.float32(255) + np.float32(0.5)).astype(np.uint8).view(np.uint32)
+    def begin(self, side: int, background: tuple[float, float, float] | None) -> dict[str, Any]:
+        """The arguments of a kernel that composites tiles into it (composite.h).
+
+        side: a pixel is the mean of side x side samples.
+        """
         red, green, blue = background or (0.0, 0.0, 0.0)
-        self._places = {
+        self._clamped = self.gpu.put("clamped", np.zeros(1, np.uint32))
+        return {
             "side_bits": side.bit_length() - 1,
-            "keep_color": self._color is not None,
-            "image": self._image,
-            "color": self._color,
-        }
-        # What kernels that composite take (composite.h).
-        self.target = {
-            **self._places,
-            "picture_width": width,
-            "picture_height": height,
+            "picture_width": self.size[0],
+            "picture_height": self.size[1],
             "red": red,
             "green": green,
             "blue": blue,
             "has_background": background is not None,
-            "clamped": self.gpu.put("clamped", np.zeros(1, np.uint32)),
+            "keep_color": self._color is not None,
+            "clamped": self._clamped,
+            "image": self._image,
+            "color": self._color,
         }
 
-    def reach(self, first_tile: int, tiles: int) -> None:
-        """Says that these tiles are drawn next; those before them that were not are cleared."""
-        self._clear(first_tile)
-        self._done = first_tile + tiles
-
-    def _clear(self, end: int) -> None:
-        """Fills the tiles before `end` that nothing was drawn in."""
-        width, height = self.size
-        first, self._done = self._done, end
-        launch(
-            self.gpu,
-            STAGE,
-            program(self.gpu, "composite.cl", self.features)["clear"],
-            end - first,
-            self.gpu.lanes,
-            first_tile=first,
-            columns=self._columns,
-            width=width,
-            height=height,
-            empty=self._empty[0],
-            **self._places,
-        )
-
     def finish(self) -> int:
-        """Completes what holds nothing, and brings everything drawn to the host.
+        """Brings everything drawn to the host.
 
         Returns in how many pixels the alphas added up to more than one, so that their colours had to be clamped.
         """
-        self._clear(self._tiles)
         for held, array in ((self._image, self.image), (self._color, self.color)):
             if held is None or array is None:
                 continue
@@ -109,4 +74,4 @@ class Picture:
             )
             mapped.base.release(self.gpu.queue)
         self.gpu.queue.finish()
-        return int(self.gpu.get(self.target["clamped"], 1, np.uint32)[0])
+        return int(self.gpu.get(self._clamped, 1, np.uint32)[0])

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from clpeel.binning import Batch
-from clpeel.composite import Picture
 from clpeel.device import Gpu
 from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, RUN_MAX
 from clpeel.program import launch, program
@@ -42,12 +42,13 @@ def draw_once(
     gpu: Gpu,
     triangles: Triangles,
     batch: Batch,
-    picture: Picture,
+    target: dict[str, Any],
     capacity: int,
     report: Report | None = None,
 ) -> Drawn:
     """Draws the batch with the technique in the kernel file `path`, with room for `capacity` fragments.
 
+    target: the picture, as Picture.begin gives it.
     scratch_bytes: what the technique needs besides for each fragment where a pixel has more than RUN_MAX.
     report: called now and then with the picture's tile that it has come to.
     Raises InputError when a single pixel has more fragments than that.
@@ -70,7 +71,6 @@ def draw_once(
         "scratch": gpu.buffer("scratch", scratch_bytes * room) if scratch_bytes and layers_max > RUN_MAX else None,
         "colors": gpu.buffer("colors", COLOR_BYTES * room) if features.fragment_color else None,
     }
-    picture.reach(batch.first_tile, batch.tiles)
     ends = np.cumsum(counts.totals)
     stage, kernel = path.removesuffix(".cl").rpartition("/")[2], program(gpu, path, features)["draw"]
     tile = 0
@@ -85,7 +85,7 @@ def draw_once(
             gpu.lanes,
             **counts.walk,
             **triangles.shading,
-            **picture.target,
+            **target,
             **buffers,
             next_tile=gpu.put("next_tile", np.array([tile], np.uint32)),
             to_tile=stop,

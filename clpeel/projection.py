@@ -129,7 +129,7 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
         packed_color=scene.packed_color,
         headlight=headlight,
     )
-    kernels = program(gpu, "projection.cl", features)
+    kernels = program(gpu, "stages.cl", features)
     host = scene.scene
     vertex_count, face_count = len(host.vertices), len(host.faces)
     clipping = camera.fitted_range(host)

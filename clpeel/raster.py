@@ -85,7 +85,7 @@ def count_fragments(gpu: Gpu, triangles: Triangles, batch: Batch) -> Counts:
         "pair_blocks": gpu.buffer("pair_blocks", PAIR_BLOCKS_BYTES * batch.pair_count),
         "pixel_end": pixel_end,
     }
-    kernel = program(gpu, "raster.cl", triangles.features)["count_fragments"]
+    kernel = program(gpu, "stages.cl", triangles.features)["count_fragments"]
     launch(gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk, tile_totals=tile_totals)
     totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32).astype(np.int64)
     return Counts(totals[:, 0], totals[:, 1], pixel_end, walk)
@@ -117,7 +117,7 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
         launch(
             gpu,
             STAGE,
-            program(gpu, "raster.cl", features)["emit_fragments"],
+            program(gpu, "windows.cl", features)["emit_fragments"],
             window.tiles,
             gpu.lanes,
             **counts.walk,

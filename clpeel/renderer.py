@@ -147,12 +147,12 @@ class Renderer:
             2**31 - 1,  # places are signed where vectors are scattered (common.h)
         )
         picture = self._picture(size, keep_color)
-        picture.begin(triangles.features, side, over)
+        target = picture.begin(side, over)
         fragment_count = layers_max = batches = 0
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
         at_tile = None if progress is None else lambda tile: report(float(done_pairs[tile - 1]), "rendering")
         for batch in tiles.batches(min(batch_budget, largest)):
-            drawn = chosen.draw(gpu, triangles, batch, picture, capacity, at_tile)
+            drawn = chosen.draw(gpu, triangles, batch, target, capacity, at_tile)
             batches += 1
             fragment_count += drawn.fragments
             layers_max = max(layers_max, drawn.layers_max)

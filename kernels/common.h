@@ -37,7 +37,6 @@
 #else
 #define PREFETCH(address)
 #endif
-#define PREFETCH_DISTANCE 8
 
 INLINE float3 load3(global const float *array, uint index)
 {
@@ -92,8 +91,8 @@ INLINE uint bits_of16(int16 truth)
 #define BITS_OF(truth) PASTE(bits_of, STRIP)(truth)
 
 // --- a strip's elements here and there in memory ----------------------------------------------------------------------
-// Places are below 2^31; only those where `present` is -1 are touched. AVX-512 has instructions for it, which compilers find for
-// some elements at best, or not at all; hence by name where they are.
+// Places are below 2^31; only those where `present` is -1 are touched. AVX-512 has instructions for it, which compilers
+// find for some elements at best, or not at all; hence by name where they are.
 #if STRIP == 16 && defined(__AVX512F__) && __has_builtin(__builtin_ia32_scattersiv8di)
 #define AVX512 1
 #else
@@ -113,20 +112,6 @@ INLINE void scatter(global ulong *to, VECTOR(uint) at, VECTOR(int) present, VECT
 }
 
 // What is not present becomes `otherwise`.
-INLINE VECTOR(ulong) gather_ulong(global const ulong *from, VECTOR(uint) at, VECTOR(int) present, VECTOR(ulong) otherwise)
-{
-#if AVX512
-    uint bits = BITS_OF(present);
-    const void *base = (const void *)(size_t)from;
-    otherwise.lo = as_ulong8(__builtin_ia32_gathersiv8di(as_long8(otherwise.lo), base, as_int8(at.lo), bits & 0xFF, sizeof(ulong)));
-    otherwise.hi = as_ulong8(__builtin_ia32_gathersiv8di(as_long8(otherwise.hi), base, as_int8(at.hi), bits >> 8, sizeof(ulong)));
-#else
-    for (int k = 0; k < STRIP; ++k)
-        if (((const int *)&present)[k]) ((ulong *)&otherwise)[k] = from[((const uint *)&at)[k]];
-#endif
-    return otherwise;
-}
-
 INLINE VECTOR(uint) gather_uint(global const uint *from, VECTOR(uint) at, VECTOR(int) present, VECTOR(uint) otherwise)
 {
 #if AVX512

@@ -3,8 +3,8 @@
 //   draw    a work-group draws tile after tile: emits the fragments, resolves them, composites the picture
 //
 // Groups take the tiles as they come to them, so that all have work to the end, whichever tiles are full.
-// The tiles' fragments go one after the other into the same part of the group's, `slab` long, and are read while they are still
-// in the device's caches: they never cross its memory. A tile that holds more is drawn in runs of pixels.
+// A group's tiles put their fragments one after the other into the same place, `slab` long, where they are read while they
+// are still in the device's caches: they never cross its memory. A tile that holds more is drawn in runs of pixels.
 //
 // The technique defines, before it includes this,
 //   resolve_strip(fragments, scratch, begin, count, colors, resolved)
@@ -17,13 +17,13 @@
 #include "raster.h"
 
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                 global const ushort *pair_blocks, uint first_tile,
-                 volatile global uint *next_tile, uint to_tile, int columns, int width, int height, global const uint *pixel_end, global const uint *faces,
+                 global const ushort *pair_blocks, uint first_tile, volatile global uint *next_tile, uint to_tile,
+                 int columns, int width, int height, global const uint *pixel_end, global const uint *faces,
                  global const void *palette, global const float *weights, global const float *normals, float view_x,
                  float view_y, float view_z, uint slab, global ulong *fragments, global ulong *scratch,
                  global float4 *colors, int side_bits, int picture_width, int picture_height, float red, float green,
-                 float blue, int has_background, int keep_color, volatile global uint *clamped,
-                 global uchar4 *image, global float4 *color)
+                 float blue, int has_background, int keep_color, volatile global uint *clamped, global uchar4 *image,
+                 global float4 *color)
 {
     local float4 layer[TILE_PIXELS];
     local uint taken;
@@ -37,7 +37,10 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         uint tile = taken;
         if (tile >= to_tile) break;
         global const uint *ends = pixel_end + tile * TILE_PIXELS;
-        for (uint first = 0, last; first < TILE_PIXELS; first = last + 1) {
+        if (ends[TILE_PIXELS - 1] == 0)
+            for (uint p = get_local_id(0); p < TILE_PIXELS; p += LANES) layer[p] = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
+        barrier(CLK_LOCAL_MEM_FENCE);
+        for (uint first = ends[TILE_PIXELS - 1] ? 0 : TILE_PIXELS, last; first < TILE_PIXELS; first = last + 1) {
             uint start = first ? ends[first - 1] : 0;
             last = TILE_PIXELS - 1;
             while (ends[last] - start > slab) --last;

@@ -17,7 +17,7 @@
 
 #define STRIPS_A_LANE (TILE_PIXELS / STRIP / LANES)
 
-// The blocks with strips of this lane (a bit each), a block's place among them, and the first of its pixels that the lane has.
+// The blocks with strips of this lane (a bit each), a block's place among them, the first of its pixels that the lane has.
 #if LANES <= TILE_BLOCKS
 #define LANE_BLOCKS (((1u << TILE_BLOCKS) - 1) / ((1u << LANES) - 1) << lane)
 #define OWN(block) ((block) / LANES)
@@ -51,13 +51,15 @@ typedef struct {
     Ints many;  // whether so many that it is worth finding out which of them it does not meet
 } Walks;
 
-// x, y: the lane's first sample of the tile's first block. Past the last of `count` records the last is done again.
-INLINE void ready_walks(global const Triangle *triangles, global const uint *records, uint count, int x, int y, int tile_x,
-                        int tile_y, Walks *w)
+// The records pairs[at] .. pairs[end - 1], as many as there is room for; returns how many (past the last, the last is done
+// again), and asks for the next ones. x, y: the lane's first sample of the tile's first block.
+INLINE uint ready_walks(global const Triangle *triangles, global const uint *pairs, uint at, uint end, int x, int y,
+                        int tile_x, int tile_y, Walks *w)
 {
+    for (uint ahead = at + WIDE; ahead < MIN(at + 2 * WIDE, end); ++ahead) PREFETCH(triangles + pairs[ahead]);
     Ints corner_x[3], corner_y[3], left, right, top, bottom;
     FOR_EACH_ELEMENT {
-        global const Triangle *t = triangles + records[MIN((uint)k, count - 1)];
+        global const Triangle *t = triangles + pairs[MIN(at + k, end - 1)];
         UNROLL for (int j = 0; j < 3; ++j) INT_OF(corner_x[j]) = t->x[j], INT_OF(corner_y[j]) = t->y[j];
         INT_OF(left) = (int)(t->left_right & 0xFFFF), INT_OF(right) = (int)(t->left_right >> 16);
         INT_OF(top) = (int)(t->top_bottom & 0xFFFF), INT_OF(bottom) = (int)(t->top_bottom >> 16);
@@ -79,6 +81,7 @@ INLINE void ready_walks(global const Triangle *triangles, global const uint *rec
     Uints rows = ((Uints)(2) << TO(Uints, bottom * BLOCKS_A_ROW)) - ((Uints)(1) << TO(Uints, top * BLOCKS_A_ROW));
     w->blocks = columns * (rows & (Uints)(0x1111u));
     w->many = (right - left + 1) * (bottom - top + 1) > (Ints)(4);
+    return MIN(end - at, (uint)WIDE);
 }
 
 // The same of one record, in registers.
@@ -157,18 +160,6 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
     int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
     bool beyond = tile_x + TILE > width || tile_y + TILE > height;
 
-// Goes through the tile's records: `record`, and `w`, its walk.
-#define FOR_EACH_RECORD                                                                                         \
-    for (uint batch = pair_start[tile], end = pair_start[tile + 1]; batch < end; batch += WIDE) {               \
-        uint ready = MIN(end - batch, (uint)WIDE);                                                              \
-        for (uint ahead = batch + WIDE; ahead < MIN(batch + 2 * WIDE, end); ++ahead) PREFETCH(triangles + pairs[ahead]); \
-        Walks walks;                                                                                            \
-        ready_walks(triangles, pairs + batch, ready, x, y, tile_x, tile_y, &walks);                              \
-        for (uint n = 0; n < ready; ++n) {                                                                      \
-            uint record = pairs[batch + n];                                                                     \
-            Walk w;                                                                                             \
-            walk_of(&walks, n, &w);
-
 // Goes through blocks, a bit each: the next is the lowest bit of `left`.
 #define FOR_EACH_BLOCK(blocks) for (uint left = blocks; left; left &= left - 1)
 
@@ -201,10 +192,11 @@ INLINE float4 shade(const float vertex_weight[3], uint source, global const uint
 
 // Emits a tile's fragments: those at `start` .. `start + capacity` of the tile (what a tile too deep for the memory has
 // besides is left to another time), relative to `start`.
-INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, global const ushort *pair_blocks, uint tile,
-                      uint first_tile, int columns, int width, int height, global const uint *pixel_end, uint start,
-                      uint capacity, global const uint *faces, global const void *palette, global const float *weights,
-                      global const float *normals, float3 view, global ulong *fragments, global float4 *colors)
+INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+                      global const ushort *pair_blocks, uint tile, uint first_tile, int columns, int width, int height,
+                      global const uint *pixel_end, uint start, uint capacity, global const uint *faces,
+                      global const void *palette, global const float *weights, global const float *normals, float3 view,
+                      global ulong *fragments, global float4 *colors)
 {
     ENTER_TILE
     VECTOR(uint) next[STRIPS_A_LANE];
@@ -214,42 +206,48 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
             ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) - start;
         }
 
-    FOR_EACH_RECORD
-        global const Triangle *t = triangles + record;
-        FOR_EACH_BLOCK(LANES == 1 ? pair_blocks[batch + n] : blocks_met(&walks, n, &w, lane)) {
-            int block = LOWEST_BIT(left);
-            VECTOR(float) weight[3];
-            VECTOR(int) covered = cover(&w, block, weight);
-            if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
-            VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
-            depth = MAX(depth, (VECTOR(float))(t->depth_min));
-            depth = MIN(depth, (VECTOR(float))(t->depth_max));
-            VECTOR(ulong) value = CONVERT(ulong, STRIP, DEPTH_KEY(VECTOR(uint), depth)) << (VECTOR(ulong))(32);
+    for (uint at = pair_start[tile], end = pair_start[tile + 1]; at < end; at += WIDE) {
+        Walks walks;
+        uint ready = ready_walks(triangles, pairs, at, end, x, y, tile_x, tile_y, &walks);
+        for (uint n = 0; n < ready; ++n) {
+            Walk w;
+            walk_of(&walks, n, &w);
+            global const Triangle *t = triangles + pairs[at + n];
+            FOR_EACH_BLOCK(LANES == 1 ? pair_blocks[at + n] : blocks_met(&walks, n, &w, lane)) {
+                int block = LOWEST_BIT(left);
+                VECTOR(float) weight[3];
+                VECTOR(int) covered = cover(&w, block, weight);
+                if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
+                VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
+                depth = MAX(depth, (VECTOR(float))(t->depth_min));
+                depth = MIN(depth, (VECTOR(float))(t->depth_max));
+                VECTOR(ulong) value = CONVERT(ulong, STRIP, DEPTH_KEY(VECTOR(uint), depth)) << (VECTOR(ulong))(32);
 #if !FRAGMENT_COLOR
-            value |= (VECTOR(ulong))((ulong)t->source);
+                value |= (VECTOR(ulong))((ulong)t->source);
 #endif
-            VECTOR(uint) *places = next + OWN(block);
+                VECTOR(uint) *places = next + OWN(block);
 #if FRAGMENT_COLOR
-            for (uint bits = BITS_OF(covered); bits; bits &= bits - 1) {
-                int k = LOWEST_BIT(bits);
-                uint at = ((uint *)places)[k]++;
-                if (at >= capacity) continue;
-                float vertex_weight[3];
-                for (int j = 0; j < 3; ++j) {
-                    vertex_weight[j] = 0.0f;
-                    for (int c = 0; c < 3; ++c)
-                        vertex_weight[j] += ((const float *)&weight[c])[k] * weights[9 * record + 3 * c + j];
+                for (uint bits = BITS_OF(covered); bits; bits &= bits - 1) {
+                    int k = LOWEST_BIT(bits);
+                    uint place = ((uint *)places)[k]++;
+                    if (place >= capacity) continue;
+                    float vertex_weight[3];
+                    for (int j = 0; j < 3; ++j) {
+                        vertex_weight[j] = 0.0f;
+                        for (int c = 0; c < 3; ++c)
+                            vertex_weight[j] += ((const float *)&weight[c])[k] * weights[9 * pairs[at + n] + 3 * c + j];
+                    }
+                    colors[place] = shade(vertex_weight, t->source, faces, palette, normals, view);
+                    fragments[place] = ((const ulong *)&value)[k] | place;
                 }
-                colors[at] = shade(vertex_weight, t->source, faces, palette, normals, view);
-                fragments[at] = ((const ulong *)&value)[k] | at;
-            }
 #else
-            VECTOR(uint) at = *places;
-            *places -= PASTE(as_, VECTOR(uint))(covered);
-            scatter(fragments, at, covered & (at < (VECTOR(uint))(capacity)), value);
+                VECTOR(uint) place = *places;
+                *places -= PASTE(as_, VECTOR(uint))(covered);
+                scatter(fragments, place, covered & (place < (VECTOR(uint))(capacity)), value);
 #endif
+            }
         }
-    }}
+    }
 }
 
 #endif

@@ -1,5 +1,6 @@
-// Vectors of WIDE vertices or triangles: what one work-item computes side by side. A CPU's compiler is given whole vectors,
-// as it may not find them itself; a GPU has its lanes. The code is the same: Floats, Ints, ... are plain types where WIDE is 1.
+// Vectors of WIDE vertices or triangles: what one work-item computes side by side. A CPU's compiler is given whole
+// vectors, as it may not find them itself; a GPU has its lanes. The code is the same: Floats, Ints, ... are plain types
+// where WIDE is 1.
 #ifndef WIDE_H
 #define WIDE_H
 
@@ -37,8 +38,8 @@ typedef long16 Longs;
 #define FMA_(k) FMA1(a.s##k, b.s##k, c.s##k)
 INLINE Floats FMA(Floats a, Floats b, Floats c)
 {
-    return (Floats)(FMA_(0), FMA_(1), FMA_(2), FMA_(3), FMA_(4), FMA_(5), FMA_(6), FMA_(7), FMA_(8), FMA_(9), FMA_(a), FMA_(b),
-                    FMA_(c), FMA_(d), FMA_(e), FMA_(f));
+    return (Floats)(FMA_(0), FMA_(1), FMA_(2), FMA_(3), FMA_(4), FMA_(5), FMA_(6), FMA_(7), FMA_(8), FMA_(9), FMA_(a),
+                    FMA_(b), FMA_(c), FMA_(d), FMA_(e), FMA_(f));
 }
 #endif
 

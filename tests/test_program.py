@@ -21,9 +21,15 @@ FILES = [
 
 
 def test_the_kernels_are_installed():
-    assert {"projection.cl", "clipping.cl", "binning.cl", "raster.cl", "composite.cl", "techniques/sort.cl"} <= set(
-        FILES
-    )
+    assert {
+        "projection.cl",
+        "clipping.cl",
+        "binning.cl",
+        "raster.cl",
+        "stages.cl",
+        "windows.cl",
+        "techniques/sort.cl",
+    } <= set(FILES)
 
 
 @pytest.mark.parametrize("path", FILES)
@@ -54,18 +60,18 @@ def test_every_build_is_free_of_warnings(path, lanes, packed, rate):
 
 def test_launches_are_by_name():
     gpu = open_device()
-    kernel = program(gpu, "binning.cl", FEATURES)["bin_offsets"]
+    kernel = program(gpu, "stages.cl", FEATURES)["bin_offsets"]
     assert kernel.names == ("chunk_count", "tile_count", "counts", "tile_pairs")
     with pytest.raises(TypeError, match="tile_pairs"):
         launch(gpu, "x", kernel, 1, chunk_count=1, tile_count=1, counts=None)
     with pytest.raises(TypeError, match="surplus"):
         launch(gpu, "x", kernel, 1, chunk_count=1, tile_count=1, counts=None, tile_pairs=None, surplus=1)
-    assert program(gpu, "binning.cl", FEATURES)["bin_offsets"] is kernel
+    assert program(gpu, "stages.cl", FEATURES)["bin_offsets"] is kernel
 
 
 def test_time_is_booked_by_stage_and_kernel():
     gpu = open_device()
-    kernel = program(gpu, "binning.cl", FEATURES)["bin_offsets"]
+    kernel = program(gpu, "stages.cl", FEATURES)["bin_offsets"]
     buffer = gpu.buffer("x", 4 * GROUP)
     for stage in ("one", "two", "two"):
         launch(gpu, stage, kernel, GROUP, chunk_count=0, tile_count=0, counts=buffer, tile_pairs=buffer)

@@ -14,7 +14,7 @@ from clpeel.techniques import sort, weighted_sum
 class Technique:
     """How layers are found and blended.
 
-    draw: (gpu, triangles, batch, picture, capacity, report) draws a batch of tiles with room for `capacity` fragments;
+    draw: (gpu, triangles, batch, target, capacity, report) draws a batch of tiles with room for `capacity` fragments;
     fragment_bytes: what it needs for each besides the fragment.
     """
 
