@@ -20,7 +20,7 @@ MAX_SIDE = 1 << 16
 
 SMALL_EXTENT = 1 << 18
 """A triangle of fewer subpixels (1,024 pixels) a side has edge functions that fit 32 bits all over the tiles it meets,
-in steps of SUBPIXELS (raster.cl): |E| <= 2 * 2**18 * (2**18 + 2**12) < 2**38."""
+in steps of SUBPIXELS (raster.h): |E| <= 2 * 2**18 * (2**18 + 2**12) < 2**38."""
 
 TILE_BITS = 4
 TILE = 1 << TILE_BITS
@@ -36,7 +36,7 @@ BLOCKS_A_ROW = TILE // BLOCK
 TILE_BLOCKS = BLOCKS_A_ROW * BLOCKS_A_ROW
 
 FRAGMENT_BYTES = 8
-"""A fragment: its depth key and its payload, as one integer that orders it (raster.cl)."""
+"""A fragment: its depth key and its payload, as one integer that orders it (raster.h)."""
 
 COLOR_BYTES = 16
 """A colour of four floats: a fragment's own where it varies over a face, and a pixel of a layer."""

@@ -38,7 +38,7 @@ class Counts:
 class Fragments:
     """The fragments of a window: whole tiles, or some pixels of one tile.
 
-    fragments: uint64 [count], depth key << 32 | payload (raster.cl), pixel by pixel, each pixel's in submission order.
+    fragments: uint64 [count], depth key << 32 | payload (raster.h), pixel by pixel, each pixel's in submission order.
     A pixel's begin at tile_start[tile] - start + pixel_end[pixel before] and end at tile_start[tile] - start +
     pixel_end[pixel], `tile` being its place in the batch; all modulo 2**32.
     colors: float32 [count, 4] straight RGBA where colours vary over faces, else the scene's palette.

@@ -53,7 +53,7 @@ kernel void project_vertices(global const float *positions, global const float *
     }
 }
 
-// Whether triangles that reach at most 2 x 2 samples cover one: their edge functions (raster.cl) at each of those.
+// Whether triangles that reach at most 2 x 2 samples cover one: their edge functions (raster.h) at each of those.
 INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height)
 {
     Ints covers = (Ints)(0);
@@ -64,7 +64,9 @@ INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach
             int b = a < 2 ? a + 1 : 0;
             Ints dx = x[b] - x[a], dy = y[b] - y[a];
             dx = flip ? -dx : dx, dy = flip ? -dy : dy;
-            Ints e = dx * (SAMPLE_AT(row, height) - y[a]) - dy * (SAMPLE_AT(column, width) - x[a]);
+            // Unsigned, as it may wrap for those that reach further and are not asked about.
+            Uints down = AS_UINTS(SAMPLE_AT(row, height) - y[a]), right = AS_UINTS(SAMPLE_AT(column, width) - x[a]);
+            Ints e = AS_INTS(AS_UINTS(dx) * down - AS_UINTS(dy) * right);
             Ints owned = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0)));
             here &= (e > (Ints)(0)) | ((e == (Ints)(0)) & owned);
         }

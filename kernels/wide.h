@@ -20,6 +20,7 @@ typedef long Longs;
 #define TO(type, value) ((type)(value))
 #define FMA(a, b, c) FMA1(a, b, c)
 #define AS_UINTS(value) as_uint(value)
+#define AS_INTS(value) as_int(value)
 #else
 typedef float16 Floats;
 typedef int16 Ints;
@@ -35,6 +36,7 @@ typedef long16 Longs;
 #define TO(type, value) PASTE(TO_, type)(value)
 #endif
 #define AS_UINTS(value) as_uint16(value)
+#define AS_INTS(value) as_int16(value)
 #define FMA_(k) FMA1(a.s##k, b.s##k, c.s##k)
 INLINE Floats FMA(Floats a, Floats b, Floats c)
 {

@@ -176,9 +176,9 @@ EDGE_RELATIVE = 2.0**-40
 EDGE_ROUNDING = 1e-9
 # Layers closer than this share of their distance (orthographic: of the clipping range) have float32 depths that do not
 # say which is in front. A depth is near / distance at three corners (1 rounding, and 3 for its shift to the snapped
-# corner), and their average with positive weights (1 a weight, 3 sums, the reciprocal area 2, the last product 1):
-# 11 roundings of 2^-24 for either layer.
-TIE = 22 * reference.UNIT
+# corner), and their average with positive weights (2 a weight where edge functions pass 2^32, 3 sums, the reciprocal
+# area 2, the last product 1): 12 roundings of 2^-24 for either layer.
+TIE = 24 * reference.UNIT
 # Colours are evaluated where the exact triangle has them, not where the snapped one does. That correction is made in
 # float32, and its gradients lose about 6 roundings times the triangle's length over its width: for triangles up to 2^15
 # times longer than wide it misses by less than 1/64 of itself.

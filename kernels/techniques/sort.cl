@@ -1,19 +1,18 @@
 // sort: the exact picture, by sorting each pixel's fragments and blending them front to back.
 //
-// Order: (depth, submission index), nearest first: that of the fragments as integers (raster.cl). Up to RUN_MAX of each of a
-// strip's pixels are held in private memory, a row of vectors for each layer, and sorted side by side by one network, whose
-// steps depend on no depth. A deeper pixel is sorted first where it lies, by its digits.
+// Order: (depth, submission index), nearest first: that of the fragments as integers (raster.h). Up to RUN_MAX of each of
+// a strip's pixels are held in private memory, a row of vectors for each layer, and sorted side by side by one network,
+// whose steps depend on no depth. A deeper pixel is sorted first where it lies, by its digits.
 // Blending (blending.h) stops where the transmittance is exactly zero: nothing behind can change the picture.
 #include "shading.h"
 
-// Batcher's bitonic sorter with all exchanges in one direction, so that rows beyond `count`, were there any with ABSENT,
-// would never move: any count will do.
 INLINE void exchange(VECTOR(ulong) *nearer, VECTOR(ulong) *farther)
 {
     VECTOR(ulong) a = *nearer, b = *farther;
     *nearer = MIN(a, b), *farther = MAX(a, b);
 }
 
+// Batcher's merge exchange, for any count (Knuth, The Art of Computer Programming 3, 5.2.2, algorithm M, with its letters).
 INLINE void sort_rows(VECTOR(ulong) *rows, uint count)
 {
     uint top = 1;
