@@ -10,7 +10,7 @@ import numpy as np
 
 from clpeel.binning import Batch
 from clpeel.device import Gpu
-from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, RUN_MAX
+from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, RUN_MAX
 from clpeel.program import launch, program
 from clpeel.projection import Triangles
 from clpeel.raster import count_fragments, too_deep
@@ -18,6 +18,9 @@ from clpeel.raster import count_fragments, too_deep
 GROUPS_A_UNIT = 16
 """Work-groups for each compute unit, each with a slab of its own."""
 
+
+SLAB_FRAGMENTS = 1 << 16
+"""A tile with more fragments than this, 512 KiB, is drawn in runs of pixels."""
 
 CACHED_FRAGMENTS = 1 << 22
 """Fragments that all groups have room for: 32 MiB, unless the fullest tiles need more."""
@@ -59,8 +62,9 @@ def draw_once(
     if layers_max > capacity:
         raise too_deep(layers_max, capacity)
     units = int(gpu.device.max_compute_units)
-    # A slab holds the fullest tile; where many of those are too much, fewer groups; at last, fuller tiles in parts.
-    slab = max(int(counts.totals.max()), 1)
+    # A slab holds the fullest tile, or the fullest block of one that is too deep for the caches. Where many slabs are
+    # too much, fewer groups; at last, fuller tiles in smaller parts.
+    slab = max(min(int(counts.totals.max()), max(SLAB_FRAGMENTS, BLOCK_PIXELS * layers_max)), 1)
     groups = min(max(CACHED_FRAGMENTS // slab, units), GROUPS_A_UNIT * units, batch.tiles)
     if groups * slab > capacity:
         groups = max(min(groups, capacity // layers_max), 1) if layers_max else 1

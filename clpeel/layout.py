@@ -50,7 +50,7 @@ CLIP_TRIANGLES = MAX_CLIP_VERTICES - 2
 CLIPPED_FACE = 0xFFFF
 """First pixel column of a face whose records are a clipped fan: it has no columns, being greater than the last."""
 
-RUN_MAX = 128
+RUN_MAX = 256
 """Fragments of a pixel that are held in private memory at once: deeper ones are sorted in global memory (sort.cl)."""
 
 AMBIENT = 0.2

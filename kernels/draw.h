@@ -44,8 +44,9 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             uint start = first ? ends[first - 1] : 0;
             last = TILE_PIXELS - 1;
             while (ends[last] - start > slab) --last;
-            emit_tile(triangles, pair_start, pairs, pair_blocks, tile, first_tile, columns, width, height, pixel_end, start,
-                      ends[last] - start, faces, palette, weights, normals, (float3)(view_x, view_y, view_z), fragments,
+            uint blocks = (2u << last / BLOCK_PIXELS) - (1u << first / BLOCK_PIXELS);
+            emit_tile(triangles, pair_start, pairs, pair_blocks, tile, first_tile, columns, width, height, pixel_end, blocks,
+                      start, ends[last] - start, faces, palette, weights, normals, (float3)(view_x, view_y, view_z), fragments,
                       colors);
             barrier(CLK_GLOBAL_MEM_FENCE);
             for (uint p = get_local_id(0) * STRIP; p < TILE_PIXELS; p += LANES * STRIP) {

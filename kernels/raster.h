@@ -190,11 +190,11 @@ INLINE float4 shade(const float vertex_weight[3], uint source, global const uint
 }
 #endif
 
-// Emits a tile's fragments: those at `start` .. `start + capacity` of the tile (what a tile too deep for the memory has
-// besides is left to another time), relative to `start`.
+// Emits a tile's fragments: those at `start` .. `start + capacity` of the tile, which lie in these blocks, relative to
+// `start`. What a tile too deep to be drawn at once has besides is left to another time.
 INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                       global const ushort *pair_blocks, uint tile, uint first_tile, int columns, int width, int height,
-                      global const uint *pixel_end, uint start, uint capacity, global const uint *faces,
+                      global const uint *pixel_end, uint blocks, uint start, uint capacity, global const uint *faces,
                       global const void *palette, global const float *weights, global const float *normals, float3 view,
                       global ulong *fragments, global float4 *colors)
 {
@@ -210,10 +210,11 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
         Walks walks;
         uint ready = ready_walks(triangles, pairs, at, end, x, y, tile_x, tile_y, &walks);
         for (uint n = 0; n < ready; ++n) {
+            if (LANES == 1 && !(pair_blocks[at + n] & blocks)) continue;
             Walk w;
             walk_of(&walks, n, &w);
             global const Triangle *t = triangles + pairs[at + n];
-            FOR_EACH_BLOCK(LANES == 1 ? pair_blocks[at + n] : blocks_met(&walks, n, &w, lane)) {
+            FOR_EACH_BLOCK((LANES == 1 ? pair_blocks[at + n] : blocks_met(&walks, n, &w, lane)) & blocks) {
                 int block = LOWEST_BIT(left);
                 VECTOR(float) weight[3];
                 VECTOR(int) covered = cover(&w, block, weight);

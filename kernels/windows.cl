@@ -13,7 +13,7 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
                            global ulong *fragments, global float4 *colors)
 {
     uint tile = window_tile + get_group_id(0);
-    emit_tile(triangles, pair_start, pairs, pair_blocks, tile, first_tile, columns, width, height, pixel_end,
+    emit_tile(triangles, pair_start, pairs, pair_blocks, tile, first_tile, columns, width, height, pixel_end, 0xFFFF,
               window_start - tile_start[tile], capacity, faces, palette, weights, normals,
               (float3)(view_x, view_y, view_z), fragments, colors);
 }
