@@ -21,6 +21,7 @@
 #define INLINE static inline
 #endif
 #define UNROLL _Pragma("unroll")
+#define PLAIN_LOOP _Pragma("clang loop vectorize(disable) unroll(disable)")
 #define SCALAR_LOOP _Pragma("clang loop vectorize(disable) interleave(disable) unroll_count(4)")
 #define MIN(a, b) ((a) < (b) ? (a) : (b))
 #define MAX(a, b) ((a) > (b) ? (a) : (b))

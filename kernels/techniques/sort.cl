@@ -34,21 +34,21 @@ static void sort_digits(global ulong *list, global ulong *spare, uint count)
 {
     uint place[4][256];
     for (uint k = 0; k < 4 * 256; ++k) place[0][k] = 0;
-    for (uint k = 0; k < count; ++k) {
+    PLAIN_LOOP for (uint k = 0; k < count; ++k) {
         uint key = (uint)(list[k] >> 32);
         ++place[0][key & 255], ++place[1][key >> 8 & 255], ++place[2][key >> 16 & 255], ++place[3][key >> 24];
     }
     global ulong *from = list, *to = spare;
-    for (int digit = 0; digit < 4; ++digit) {
+    PLAIN_LOOP for (int digit = 0; digit < 4; ++digit) {
         int shift = 32 + 8 * digit;
         if (place[digit][from[0] >> shift & 255] == count) continue;
         uint sum = 0;
-        for (int k = 0; k < 256; ++k) {
+        PLAIN_LOOP for (int k = 0; k < 256; ++k) {
             uint size = place[digit][k];
             place[digit][k] = sum;
             sum += size;
         }
-        for (uint k = 0; k < count; ++k) {
+        PLAIN_LOOP for (uint k = 0; k < count; ++k) {
             ulong fragment = from[k];
             to[place[digit][fragment >> shift & 255]++] = fragment;
         }
@@ -56,7 +56,7 @@ static void sort_digits(global ulong *list, global ulong *spare, uint count)
         from = to, to = swap;
     }
     if (from != list)
-        for (uint k = 0; k < count; ++k) list[k] = from[k];
+        PLAIN_LOOP for (uint k = 0; k < count; ++k) list[k] = from[k];
 }
 
 // Whether any pixel lets something through.
