@@ -10,7 +10,7 @@ import numpy as np
 
 from clpeel.binning import Batch
 from clpeel.device import Gpu
-from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, RUN_MAX
+from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, FRAGMENT_PADDING, RUN_MAX
 from clpeel.program import launch, program
 from clpeel.projection import Triangles
 from clpeel.raster import count_fragments, too_deep
@@ -69,7 +69,7 @@ def draw_once(
     if groups * slab > capacity:
         groups = max(min(groups, capacity // layers_max), 1) if layers_max else 1
         slab = capacity // groups
-    room = groups * slab
+    room = groups * (slab + FRAGMENT_PADDING)
     buffers = {
         "fragments": gpu.buffer("fragments", FRAGMENT_BYTES * room),
         "scratch": gpu.buffer("scratch", scratch_bytes * room) if scratch_bytes and layers_max > RUN_MAX else None,

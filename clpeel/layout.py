@@ -38,6 +38,9 @@ TILE_BLOCKS = BLOCKS_A_ROW * BLOCKS_A_ROW
 FRAGMENT_BYTES = 8
 """A fragment: its depth key and its payload, as one integer that orders it (raster.h)."""
 
+FRAGMENT_PADDING = 8
+"""Fragments that a slab has room for beyond its last: they are read with others, eight at once (shading.h)."""
+
 COLOR_BYTES = 16
 """A colour of four floats: a fragment's own where it varies over a face, and a pixel of a layer."""
 

@@ -27,7 +27,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
 {
     local float4 layer[TILE_PIXELS];
     local uint taken;
-    size_t own = (size_t)get_group_id(0) * slab;
+    size_t own = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
     fragments += own;
     if (scratch) scratch += own;
     if (FRAGMENT_COLOR) colors += own;
