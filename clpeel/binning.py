@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from clpeel.device import Gpu
 from clpeel.errors import InputError
 from clpeel.layout import TILE, TILE_PIXELS
-from clpeel.program import launch, program
+from clpeel.program import cut, launch, program
 from clpeel.projection import Triangles
 
 STAGE = "binning"
-CHUNKS_A_UNIT = 8
 PAIR_BYTES = 4
 PAIR_BLOCKS_BYTES = 2
 """Of a record in a tile's list: its number, and the blocks it covers (raster.h)."""
@@ -96,10 +95,7 @@ def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
     width, height = triangles.size
     columns, rows = -(-width // TILE), -(-height // TILE)
     tile_count = columns * rows
-    chunks = CHUNKS_A_UNIT * int(gpu.device.max_compute_units)
-    chunks = max(1, min(chunks, max(triangles.listed, 1), budget // (4 * tile_count)))
-    chunk_records = -(-max(triangles.listed, 1) // chunks)
-    chunks = -(-max(triangles.listed, 1) // chunk_records)
+    chunk_records, chunks = cut(gpu, triangles.listed, budget // (4 * tile_count))
     counts = gpu.buffer("counts", 4 * chunks * tile_count)
     tile_pairs = gpu.buffer("tile_pairs", 4 * tile_count)
     kernels = program(gpu, "stages.cl", triangles.features)

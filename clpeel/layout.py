@@ -42,7 +42,7 @@ FRAGMENT_PADDING = 8
 """Fragments that a slab has room for beyond its last: they are read with others, eight at once (shading.h)."""
 
 COLOR_BYTES = 16
-"""A colour of four floats: a fragment's own where it varies over a face, and a pixel of a layer."""
+"""A colour of four floats: a fragment's own where it varies over a face."""
 
 MAX_CLIP_VERTICES = 10
 """A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners; one more for room."""

@@ -24,6 +24,9 @@ _SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
 GROUP = 64
 """Work-items a group where the kernel does not care: a fixed size lets the compiler run them side by side."""
 
+CHUNKS_A_UNIT = 8
+"""Chunks for each compute unit where a work-item goes through many items in order: enough for an even load."""
+
 CORRECTLY_ROUNDED = "-cl-fp32-correctly-rounded-divide-sqrt"
 
 
@@ -81,6 +84,13 @@ def program(gpu: Gpu, path: str, features: Features) -> dict[str, Kernel]:
         gpu.programs[key] = kernels
     found: dict[str, Kernel] = gpu.programs[key]
     return found
+
+
+def cut(gpu: Gpu, items: int, most: int | None = None) -> tuple[int, int]:
+    """Chunks of consecutive items, a work-item each: how many items in one, and how many chunks (`most` at most)."""
+    chunks = CHUNKS_A_UNIT * int(gpu.device.max_compute_units)
+    size = -(-max(items, 1) // max(min(chunks, items, chunks if most is None else most), 1))
+    return size, -(-max(items, 1) // size)
 
 
 def launch(gpu: Gpu, stage: str, kernel: Kernel, groups: int, lanes: int | None = None, **arguments: Any) -> None:

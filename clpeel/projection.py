@@ -11,7 +11,7 @@ import pyopencl as cl
 from clpeel.camera import Camera
 from clpeel.device import Gpu
 from clpeel.layout import CLIP_TRIANGLES, PADDING, TRIANGLE, VERTEX, Features
-from clpeel.program import launch, program
+from clpeel.program import cut, launch, program
 from clpeel.scene import Positions, Scene
 
 STAGE = "projection"
@@ -19,7 +19,6 @@ BOUNDS_BYTES = 8
 WEIGHTS_BYTES = 36
 STATE_BYTES = 1
 LISTED_BYTES = 4
-CHUNKS_A_UNIT = 8
 
 
 @dataclass(frozen=True)
@@ -165,8 +164,7 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
         **corners,
         **view,
     )
-    chunk_faces = -(-face_count // min(CHUNKS_A_UNIT * int(gpu.device.max_compute_units), face_count))
-    chunks = -(-face_count // chunk_faces)
+    chunk_faces, chunks = cut(gpu, face_count)
     sifted = {"states": states, "face_count": face_count, "chunk_faces": chunk_faces}
     chunk_counts = gpu.buffer("chunk_counts", 12 * chunks)
     launch(gpu, STAGE, kernels["count_states"], chunks, 1, **sifted, chunk_counts=chunk_counts)

@@ -112,17 +112,18 @@ INLINE void scatter(global ulong *to, VECTOR(uint) at, VECTOR(int) present, VECT
 #endif
 }
 
-// What is not present becomes `otherwise`.
-INLINE VECTOR(uint) gather_uint(global const uint *from, VECTOR(uint) at, VECTOR(int) present, VECTOR(uint) otherwise)
+// What is not present becomes 0.
+INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int) present)
 {
+    VECTOR(uint) found = (VECTOR(uint))(0);
 #if AVX512
-    otherwise = as_uint16(__builtin_ia32_gathersiv16si(as_int16(otherwise), (const void *)(size_t)from, as_int16(at),
+    found = as_uint16(__builtin_ia32_gathersiv16si(as_int16(found), (const void *)(size_t)from, as_int16(at),
                                                        BITS_OF(present), sizeof(uint)));
 #else
     for (int k = 0; k < STRIP; ++k)
-        if (((const int *)&present)[k]) ((uint *)&otherwise)[k] = from[((const uint *)&at)[k]];
+        if (((const int *)&present)[k]) ((uint *)&found)[k] = from[((const uint *)&at)[k]];
 #endif
-    return otherwise;
+    return found;
 }
 
 // The lowest bit's place, of a number that is not zero.

@@ -14,21 +14,15 @@ INLINE uchar4 to_bytes(float4 color)
     return CONVERT(uchar, 4, CONVERT(int, 4, MAX(color, (float4)(0.0f))));
 }
 
-// Goes through the picture's pixels in a tile: at x, y, and in the tile at column, row, in pixels of the picture.
-#define FOR_EACH_PIXEL                                                                                          \
-    uint bits = TILE_BITS - side_bits, mask = (1u << bits) - 1;                                                 \
-    uint left = (tile) % (uint)columns << bits, top = (tile) / (uint)columns << bits;                           \
-    for (uint q = get_local_id(0); q < 1u << 2 * bits; q += LANES)                                              \
-        for (uint column = q & mask, row = q >> bits, x = left + column, y = top + row, once = 1;               \
-             once && x < (uint)width && y < (uint)height; once = 0)
-
 // tile: of the picture. Returns how many of this lane's pixels let less than nothing through: their colours are clamped.
 INLINE uint composite_tile(local const float4 *layer, uint tile, int columns, int side_bits, int width, int height,
                            float4 background, int keep_color, global uchar4 *image, global float4 *color)
 {
-    uint clamped = 0;
-    FOR_EACH_PIXEL {
-        uint side = 1u << side_bits;
+    uint bits = TILE_BITS - side_bits, side = 1u << side_bits, clamped = 0;
+    for (uint q = get_local_id(0); q < 1u << 2 * bits; q += LANES) {
+        uint column = q & ((1u << bits) - 1), row = q >> bits;  // in the tile, in pixels of the picture
+        uint x = (tile % (uint)columns << bits) + column, y = (tile / (uint)columns << bits) + row;
+        if (x >= (uint)width || y >= (uint)height) continue;
         float4 pixel = layer[pixel_at(column * side, row * side)];
         if (side > 1) {
             pixel = (float4)(0.0f);

@@ -82,7 +82,7 @@ INLINE void fetch_colors(const VECTOR(ulong) *fragments, uint row_count, global 
         VECTOR(uint) payload = CONVERT(uint, STRIP, fragments[row]);
         VECTOR(int) present = payload != (VECTOR(uint))((uint)ABSENT);
         if (!COLOR_RATE_FACE) payload = (VECTOR(uint))(0);
-        VECTOR(uint) word = gather_uint((global const uint *)colors, payload, present, (VECTOR(uint))(0));
+        VECTOR(uint) word = gather((global const uint *)colors, payload, present);
         fetched[row].red = UNIT_OF(CONVERT(float, STRIP, word & byte));
         fetched[row].green = UNIT_OF(CONVERT(float, STRIP, word >> (VECTOR(uint))(8) & byte));
         fetched[row].blue = UNIT_OF(CONVERT(float, STRIP, word >> (VECTOR(uint))(16) & byte));
