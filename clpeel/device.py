@@ -56,6 +56,7 @@ class Gpu:
     programs: dict[Any, Any] = field(default_factory=dict)
     buffers: dict[str, cl.Buffer] = field(default_factory=dict)
     events: list[tuple[str, str, cl.Event]] = field(default_factory=list)
+    sent: list[cl.Event] = field(default_factory=list)  # what is on its way to the device, each with its array
 
     def buffer(self, name: str, nbytes: int) -> cl.Buffer:
         """The buffer of that name, of at least nbytes; it is kept and only ever grows, so frames allocate nothing."""
@@ -68,16 +69,17 @@ class Gpu:
         return held
 
     def put(self, name: str, array: np.ndarray[Any, Any]) -> cl.Buffer:
-        """The buffer of that name, filled from the array."""
+        """The buffer of that name, filled from the array before anything that is enqueued later; does not wait."""
         held = self.buffer(name, array.nbytes)
         if array.nbytes:
-            cl.enqueue_copy(self.queue, held, np.ascontiguousarray(array), is_blocking=True)
+            self.sent.append(cl.enqueue_copy(self.queue, held, np.array(array, order="C"), is_blocking=False))
         return held
 
     def get(self, held: cl.Buffer, shape: int | tuple[int, ...], dtype: Any, offset: int = 0) -> np.ndarray[Any, Any]:
         """The buffer's elements from `offset` bytes on; waits for the device."""
         array = np.empty(shape, dtype)
         cl.enqueue_copy(self.queue, array, held, src_offset=offset, is_blocking=True)
+        self.sent.clear()  # the queue is in order: what was sent before has arrived
         return array
 
     @property

@@ -32,11 +32,10 @@ CORRECTLY_ROUNDED = "-cl-fp32-correctly-rounded-divide-sqrt"
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled kernel and how it takes its arguments."""
+    """A compiled kernel and its arguments' names, in order."""
 
     kernel: cl.Kernel
     names: tuple[str, ...]
-    scalars: tuple[Any, ...]  # the NumPy type of each scalar argument, None for buffers
 
 
 def kernel_folder() -> Traversable:
@@ -80,7 +79,9 @@ def program(gpu: Gpu, path: str, features: Features) -> dict[str, Kernel]:
             words = [re.sub(r"\s+", " ", parameter).strip() for parameter in parameters.split(",")]
             names = tuple(re.split(r"[ *]", word)[-1] for word in words)
             scalars = tuple(None if "*" in word else _SCALARS[word.split(" ")[0]] for word in words)
-            kernels[name] = Kernel(cl.Kernel(built, name), names, scalars)
+            kernel = cl.Kernel(built, name)
+            kernel.set_scalar_arg_dtypes(scalars)  # all arguments in one call, at a microsecond or two
+            kernels[name] = Kernel(kernel, names)
         gpu.programs[key] = kernels
     found: dict[str, Kernel] = gpu.programs[key]
     return found
@@ -102,9 +103,7 @@ def launch(gpu: Gpu, stage: str, kernel: Kernel, groups: int, lanes: int | None 
         return
     if arguments.keys() != set(kernel.names):
         raise TypeError(f"{kernel.kernel.function_name}: arguments {sorted(set(kernel.names) ^ arguments.keys())}")
-    for place, (name, scalar) in enumerate(zip(kernel.names, kernel.scalars, strict=True)):
-        value = arguments[name]
-        kernel.kernel.set_arg(place, value if scalar is None else scalar(value))
+    kernel.kernel.set_args(*(arguments[name] for name in kernel.names))
     if lanes is None:
         lanes = GROUP
         groups = -(-groups // lanes)
