@@ -18,10 +18,9 @@ from clpeel.projection import Triangles
 
 STAGE = "binning"
 PAIR_BYTES = 4
-PAIR_BLOCKS_BYTES = 2
-"""Of a record in a tile's list: its number, and the blocks it covers (raster.h)."""
-TILE_BYTES = TILE_PIXELS * 4
-"""Of a tile in a batch, whatever it holds: pixel_end."""
+"""Of a record in a tile's list: its number."""
+TILE_BYTES = 4 + 8
+"""Of a tile in a batch, whatever it holds: where its list begins, and how many fragments it has."""
 
 BATCH_SHARE = 4
 """A batch's lists and tiles take at most this fraction (1 / n) of the budget; its fragments have the rest."""
@@ -34,8 +33,8 @@ class Batch:
     first_tile: int
     last_tile: int
     pair_start: cl.Buffer  # uint32 [tiles + 1]
-    pairs: cl.Buffer  # uint32 [pair_count]
-    pair_count: int
+    pairs: cl.Buffer  # uint32 [tile_pairs.sum()]
+    tile_pairs: NDArray[np.int64]  # [tiles], how long the lists are
 
     @property
     def tiles(self) -> int:
@@ -57,7 +56,7 @@ class Tiles:
 
     def batches(self, budget: int) -> Iterator[Batch]:
         """All tiles, in runs whose lists fit `budget` bytes (one tile at least)."""
-        ends = np.cumsum(self.tile_pairs * (PAIR_BYTES + PAIR_BLOCKS_BYTES) + TILE_BYTES)
+        ends = np.cumsum(self.tile_pairs * PAIR_BYTES + TILE_BYTES)
         tile, before = 0, 0
         while tile < len(ends):
             last = max(int(np.searchsorted(ends, before + budget, side="right")) - 1, tile)
@@ -65,8 +64,9 @@ class Tiles:
             tile, before = last + 1, int(ends[last])
 
     def _emit(self, first_tile: int, last_tile: int) -> Batch:
-        starts = np.zeros(last_tile - first_tile + 2, np.int64)
-        np.cumsum(self.tile_pairs[first_tile : last_tile + 1], out=starts[1:])
+        tile_pairs = self.tile_pairs[first_tile : last_tile + 1]
+        starts = np.zeros(len(tile_pairs) + 1, np.int64)
+        np.cumsum(tile_pairs, out=starts[1:])
         pair_start = self.gpu.put("pair_start", starts.astype(np.uint32))
         pairs = self.gpu.buffer("pairs", int(starts[-1]) * PAIR_BYTES)
         kernel = program(self.gpu, "stages.cl", self.triangles.features)["bin_emit"]
@@ -84,7 +84,7 @@ class Tiles:
             pair_start=pair_start,
             pairs=pairs,
         )
-        return Batch(first_tile, last_tile, pair_start, pairs, int(starts[-1]))
+        return Batch(first_tile, last_tile, pair_start, pairs, tile_pairs)
 
 
 def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:

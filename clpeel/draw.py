@@ -10,23 +10,23 @@ import numpy as np
 
 from clpeel.binning import Batch
 from clpeel.device import Gpu
-from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, FRAGMENT_PADDING, RUN_MAX
+from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, FRAGMENT_PADDING, RUN_MAX, TILE_PIXELS
 from clpeel.program import launch, program
 from clpeel.projection import Triangles
-from clpeel.raster import count_fragments, too_deep
+from clpeel.raster import too_deep, walk_arguments
 
 GROUPS_A_UNIT = 16
-"""Work-groups for each compute unit, each with a slab of its own."""
-
-
-SLAB_FRAGMENTS = 1 << 16
-"""A tile with more fragments than this, 512 KiB, is drawn in runs of pixels."""
+"""Work-groups for each compute unit, each with a slab of its own, where a unit turns from one to another."""
 
 CACHED_FRAGMENTS = 1 << 22
-"""Fragments that all groups have room for: 32 MiB, unless the fullest tiles need more."""
+"""Fragments that all groups have room for, 32 MiB, unless the fullest pixels need more."""
 
-REPORTED_FRAGMENTS = 1 << 24
-"""Fragments that are drawn between two reports of progress: some tenths of a second."""
+LEAST_ROWS, MOST_ROWS, ROWS_APART = 34, RUN_MAX + 2, 32
+"""Layers that a strip has room for at once: 2 more than a multiple of 32, so that the rows of a tile's blocks, 128 bytes
+each, do not fall on the same places of a cache."""
+
+REPORTED_PAIRS = 1 << 18
+"""Records in tiles that are drawn between two reports of progress: some tenths of a second."""
 
 Report = Callable[[int], None]
 
@@ -52,51 +52,60 @@ def draw_once(
     """Draws the batch with the technique in the kernel file `path`, with room for `capacity` fragments.
 
     target: the picture, as Picture.begin gives it.
-    scratch_bytes: what the technique needs besides for each fragment where a pixel has more than RUN_MAX.
+    scratch_bytes: what the technique needs besides for each fragment where a pixel may have more than RUN_MAX.
     report: called now and then with the picture's tile that it has come to.
     Raises InputError when a single pixel has more fragments than that.
     """
     features = triangles.features
-    counts = count_fragments(gpu, triangles, batch)
-    layers_max = int(counts.layers.max())
-    if layers_max > capacity:
-        raise too_deep(layers_max, capacity)
-    units = int(gpu.device.max_compute_units)
-    # A slab holds the fullest tile, or the fullest block of one that is too deep for the caches. Where many slabs are
-    # too much, fewer groups; at last, fuller tiles in smaller parts.
-    slab = max(min(int(counts.totals.max()), max(SLAB_FRAGMENTS, BLOCK_PIXELS * layers_max)), 1)
-    groups = min(max(CACHED_FRAGMENTS // slab, units), GROUPS_A_UNIT * units, batch.tiles)
-    if groups * slab > capacity:
-        groups = max(min(groups, capacity // layers_max), 1) if layers_max else 1
-        slab = capacity // groups
-    room = groups * (slab + FRAGMENT_PADDING)
-    buffers = {
-        "fragments": gpu.buffer("fragments", FRAGMENT_BYTES * room),
-        "scratch": gpu.buffer("scratch", scratch_bytes * room) if scratch_bytes and layers_max > RUN_MAX else None,
-        "colors": gpu.buffer("colors", COLOR_BYTES * room) if features.fragment_color else None,
-    }
-    ends = np.cumsum(counts.totals)
     stage, kernel = path.removesuffix(".cl").rpartition("/")[2], program(gpu, path, features)["draw"]
-    tile = 0
-    while tile < batch.tiles:
-        part = REPORTED_FRAGMENTS if report else int(ends[-1]) + 1
-        stop = max(int(np.searchsorted(ends, ends[tile] + part)), tile + 1)
-        launch(
-            gpu,
-            stage,
-            kernel,
-            min(groups, stop - tile),
-            gpu.lanes,
-            **counts.walk,
-            **triangles.shading,
-            **target,
-            **buffers,
-            next_tile=gpu.put("next_tile", np.array([tile], np.uint32)),
-            to_tile=stop,
-            slab=slab,
-        )
-        tile = stop
-        if report:
-            gpu.queue.finish()
-            report(batch.first_tile + tile)
-    return Drawn(int(ends[-1]), layers_max)
+    units = int(gpu.device.max_compute_units)
+    groups = min(units if gpu.lanes == 1 else GROUPS_A_UNIT * units, batch.tiles)
+    most_layers = int(batch.tile_pairs.max())  # there cannot be more
+    rows = min(max(CACHED_FRAGMENTS // (groups * TILE_PIXELS), LEAST_ROWS), MOST_ROWS, -(-most_layers // ROWS_APART) * ROWS_APART + 2)
+    done = np.cumsum(batch.tile_pairs)
+    tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
+    capacity = capacity // BLOCK_PIXELS * BLOCK_PIXELS  # slabs begin where rows may
+    layers_before, slab = 0, rows * TILE_PIXELS
+    while True:
+        # Where many slabs are too much, fewer groups; at last, smaller slabs, which hold fewer rows.
+        groups = max(min(groups, capacity // slab), 1)
+        slab = min(slab, capacity)
+        room = groups * (slab + FRAGMENT_PADDING)
+        scratch = scratch_bytes if most_layers > RUN_MAX else 0
+        buffers = {
+            "fragments": gpu.buffer("fragments", FRAGMENT_BYTES * room),
+            "scratch": gpu.buffer("scratch", scratch * room) if scratch else None,
+            "colors": gpu.buffer("colors", COLOR_BYTES * room) if features.fragment_color else None,
+        }
+        tile = 0
+        while tile < batch.tiles:
+            part = REPORTED_PAIRS if report else int(done[-1]) + 1
+            stop = max(int(np.searchsorted(done, done[tile] + part)), tile + 1)
+            launch(
+                gpu,
+                stage,
+                kernel,
+                min(groups, stop - tile),
+                gpu.lanes,
+                **walk_arguments(triangles, batch),
+                **triangles.shading,
+                **target,
+                **buffers,
+                next_tile=gpu.put("next_tile", np.array([tile], np.uint32)),
+                to_tile=stop,
+                layers_before=layers_before,
+                rows=min(rows, slab // TILE_PIXELS),
+                slab=slab,
+                tile_totals=tile_totals,
+            )
+            tile = stop
+            if report:
+                gpu.queue.finish()
+                report(batch.first_tile + tile)
+        totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32)
+        layers_max = int(totals[:, 1].max())
+        if layers_max <= slab:
+            return Drawn(int(totals[:, 0].sum(dtype=np.int64)), layers_max)
+        if layers_max > capacity:
+            raise too_deep(layers_max, capacity)
+        layers_before, slab = slab, min(BLOCK_PIXELS * layers_max, capacity)

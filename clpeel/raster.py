@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from clpeel.binning import PAIR_BLOCKS_BYTES, Batch
+from clpeel.binning import Batch
 from clpeel.device import Gpu
 from clpeel.errors import InputError
 from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, TILE, TILE_PIXELS, Features
@@ -25,13 +25,12 @@ class Counts:
     """How many fragments a batch's tiles and pixels have.
 
     totals, layers: int64 [tiles], of each tile and of its deepest pixel; pixel_end: uint32 [tiles, TILE_PIXELS],
-    inclusive prefix sums within each tile; walk: the kernel arguments of a walk over the batch's records.
+    inclusive prefix sums within each tile.
     """
 
     totals: NDArray[np.int64]
     layers: NDArray[np.int64]
     pixel_end: cl.Buffer
-    walk: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -69,12 +68,10 @@ class _Window:
     start: int
 
 
-def count_fragments(gpu: Gpu, triangles: Triangles, batch: Batch) -> Counts:
-    """Counts the batch's fragments, pixel by pixel."""
+def walk_arguments(triangles: Triangles, batch: Batch) -> dict[str, Any]:
+    """The kernel arguments of a walk over a batch's records (raster.h)."""
     width, height = triangles.size
-    pixel_end = gpu.buffer("pixel_end", 4 * TILE_PIXELS * batch.tiles)
-    tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
-    walk = {
+    return {
         "triangles": triangles.records,
         "pair_start": batch.pair_start,
         "pairs": batch.pairs,
@@ -82,13 +79,18 @@ def count_fragments(gpu: Gpu, triangles: Triangles, batch: Batch) -> Counts:
         "columns": -(-width // TILE),
         "width": width,
         "height": height,
-        "pair_blocks": gpu.buffer("pair_blocks", PAIR_BLOCKS_BYTES * batch.pair_count),
-        "pixel_end": pixel_end,
     }
-    kernel = program(gpu, "stages.cl", triangles.features)["count_fragments"]
-    launch(gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk, tile_totals=tile_totals)
+
+
+def count_fragments(gpu: Gpu, triangles: Triangles, batch: Batch) -> Counts:
+    """Counts the batch's fragments, pixel by pixel."""
+    pixel_end = gpu.buffer("pixel_end", 4 * TILE_PIXELS * batch.tiles)
+    tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
+    kernel = program(gpu, "raster.cl", triangles.features)["count_fragments"]
+    outputs = {"pixel_end": pixel_end, "tile_totals": tile_totals}
+    launch(gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk_arguments(triangles, batch), **outputs)
     totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32).astype(np.int64)
-    return Counts(totals[:, 0], totals[:, 1], pixel_end, walk)
+    return Counts(totals[:, 0], totals[:, 1], pixel_end)
 
 
 def too_deep(layers: int, capacity: int) -> InputError:
@@ -117,11 +119,12 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
         launch(
             gpu,
             STAGE,
-            program(gpu, "windows.cl", features)["emit_fragments"],
+            program(gpu, "raster.cl", features)["emit_fragments"],
             window.tiles,
             gpu.lanes,
-            **counts.walk,
+            **walk_arguments(triangles, batch),
             **triangles.shading,
+            pixel_end=pixel_end,
             window_tile=window.first,
             tile_start=tile_start,
             window_start=window.start % 2**32,

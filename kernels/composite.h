@@ -5,38 +5,94 @@
 #ifndef COMPOSITE_H
 #define COMPOSITE_H
 
-#include "common.h"
+#include "blending.h"
 
-INLINE uchar4 to_bytes(float4 color)
+INLINE VECTOR(uint) to_byte(VECTOR(float) value)
 {
-    color = color * 255.0f + 0.5f;
-    color = MIN(color, (float4)(255.0f));
-    return CONVERT(uchar, 4, CONVERT(int, 4, MAX(color, (float4)(0.0f))));
+    value = value * 255.0f + 0.5f;
+    value = MIN(value, (VECTOR(float))(255.0f));
+    return CONVERT(uint, STRIP, CONVERT(int, STRIP, MAX(value, (VECTOR(float))(0.0f))));
 }
 
-// tile: of the picture. Returns how many of this lane's pixels let less than nothing through: their colours are clamped.
-INLINE uint composite_tile(local const float4 *layer, uint tile, int columns, int side_bits, int width, int height,
-                           float4 background, int keep_color, global uchar4 *image, global float4 *color)
+#define CHANNEL(colors, name, place) (((local const float *)&(colors)[(place) / STRIP].name)[(place) % STRIP])
+
+// The pixel at this column and row of the tile, from side x side samples.
+INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint side)
+{
+    float4 sum = (float4)(0.0f);
+    for (uint k = 0; k < side * side; ++k) {
+        uint p = pixel_at(column * side + k % side, row * side + k / side);
+        sum += (float4)(CHANNEL(layer, red, p), CHANNEL(layer, green, p), CHANNEL(layer, blue, p), CHANNEL(layer, alpha, p));
+    }
+    return sum / (float)(side * side);
+}
+
+// A block's row of pixels, as wherever they are in memory: bytes of the picture and its colours.
+typedef uint4 RowBytes __attribute__((aligned(4)));
+typedef float16 RowColors __attribute__((aligned(16)));
+
+// tile: of the picture. layer: its strips. Returns how many of this lane's pixels let less than nothing through: their
+// colours are clamped.
+INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height, float red,
+                           float green, float blue, int has_background, int keep_color, global uint *image,
+                           global float4 *color)
 {
     uint bits = TILE_BITS - side_bits, side = 1u << side_bits, clamped = 0;
-    for (uint q = get_local_id(0); q < 1u << 2 * bits; q += LANES) {
-        uint column = q & ((1u << bits) - 1), row = q >> bits;  // in the tile, in pixels of the picture
-        uint x = (tile % (uint)columns << bits) + column, y = (tile / (uint)columns << bits) + row;
-        if (x >= (uint)width || y >= (uint)height) continue;
-        float4 pixel = layer[pixel_at(column * side, row * side)];
-        if (side > 1) {
-            pixel = (float4)(0.0f);
-            for (uint k = 0; k < side * side; ++k)
-                pixel += layer[pixel_at(column * side + k % side, row * side + k / side)];
-            pixel /= (float)(side * side);
+    uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
+    bool whole = side == 1 && left + TILE <= (uint)width && top + TILE <= (uint)height;
+    for (uint q = get_local_id(0) * STRIP; q < 1u << 2 * bits; q += LANES * STRIP) {
+        // A strip of the picture's pixels: of a block where they are samples, else of the tile's rows.
+        Colors pixel = layer[q / STRIP];
+        for (uint k = 0; side > 1 && k < STRIP; ++k) {
+            float4 mean = mean_of(layer, (q + k) & ((1u << bits) - 1), ((q + k) >> bits) & ((1u << bits) - 1), side);
+            ((float *)&pixel.red)[k] = mean.x, ((float *)&pixel.green)[k] = mean.y;
+            ((float *)&pixel.blue)[k] = mean.z, ((float *)&pixel.alpha)[k] = mean.w;
         }
-        size_t at = (size_t)y * width + x;
-        float alpha = 1.0f - pixel.w;
-        clamped += pixel.w < 0.0f;
-        if (keep_color) color[at] = (float4)(pixel.xyz, alpha);
-        if (background.w != 0.0f) pixel = (float4)(pixel.xyz + pixel.w * background.xyz, 1.0f);
-        else pixel = alpha > 0.0f ? (float4)(pixel.xyz / alpha, alpha) : (float4)(0.0f);
-        image[at] = to_bytes(pixel);
+        VECTOR(float) alpha = 1.0f - pixel.alpha;
+        Colors shown = {pixel.red + pixel.alpha * red, pixel.green + pixel.alpha * green, pixel.blue + pixel.alpha * blue,
+                        (VECTOR(float))(1.0f)};
+        if (!has_background) {
+            VECTOR(int) some = alpha > (VECTOR(float))(0.0f);
+            shown.red = some ? pixel.red / alpha : (VECTOR(float))(0.0f);
+            shown.green = some ? pixel.green / alpha : (VECTOR(float))(0.0f);
+            shown.blue = some ? pixel.blue / alpha : (VECTOR(float))(0.0f);
+            shown.alpha = some ? alpha : (VECTOR(float))(0.0f);
+        }
+        VECTOR(uint) bytes = to_byte(shown.red) | to_byte(shown.green) << (VECTOR(uint))(8) |
+                             to_byte(shown.blue) << (VECTOR(uint))(16) | to_byte(shown.alpha) << (VECTOR(uint))(24);
+        VECTOR(int) below = pixel.alpha < (VECTOR(float))(0.0f);
+#if STRIP % BLOCK == 0
+        if (whole) {
+            uint block = q / BLOCK_PIXELS, x = left + block % BLOCKS_A_ROW * BLOCK;
+            uint y = top + block / BLOCKS_A_ROW * BLOCK + q % BLOCK_PIXELS / BLOCK;
+            for (uint k = 0; k < STRIP; k += BLOCK) {
+                size_t at = (size_t)(y + k / BLOCK) * width + x;
+                const uint *b = (const uint *)&bytes + k;
+                const float *r = (const float *)&pixel.red + k, *g = (const float *)&pixel.green + k;
+                const float *u = (const float *)&pixel.blue + k, *a = (const float *)&alpha + k;
+                *(global RowBytes *)(image + at) = (uint4)(b[0], b[1], b[2], b[3]);
+                if (keep_color)
+                    *(global RowColors *)(color + at) = (float16)(r[0], g[0], u[0], a[0], r[1], g[1], u[1], a[1], r[2], g[2],
+                                                                  u[2], a[2], r[3], g[3], u[3], a[3]);
+            }
+            uint bits_below = BITS_OF(below);
+            if (bits_below) clamped += popcount(bits_below);
+            continue;
+        }
+#endif
+        for (uint k = 0; k < STRIP; ++k) {
+            uint p = q + k, block = p / BLOCK_PIXELS;
+            uint x = side > 1 ? p & ((1u << bits) - 1) : block % BLOCKS_A_ROW * BLOCK + p % BLOCK;
+            uint y = side > 1 ? p >> bits : block / BLOCKS_A_ROW * BLOCK + p % BLOCK_PIXELS / BLOCK;
+            x += left, y += top;
+            if (p >= 1u << 2 * bits || x >= (uint)width || y >= (uint)height) continue;
+            size_t at = (size_t)y * width + x;
+            image[at] = ((const uint *)&bytes)[k];
+            if (keep_color)
+                color[at] = (float4)(((const float *)&pixel.red)[k], ((const float *)&pixel.green)[k],
+                                     ((const float *)&pixel.blue)[k], ((const float *)&alpha)[k]);
+            clamped += ((const int *)&below)[k] != 0;
+        }
     }
     return clamped;
 }

@@ -4,70 +4,128 @@
 //
 // Groups take the tiles as they come to them, so that all have work to the end, whichever tiles are full.
 // A group's tiles put their fragments one after the other into the same place, `slab` long, where they are read while they
-// are still in the device's caches: they never cross its memory. A tile that holds more is drawn in runs of pixels.
+// are still in the device's caches: they never cross its memory.
+//
+// First all fragments go into rows of `rows` layers (raster.h), so that nothing needs to be counted before. Strips with more
+// layers than that, or than RUN_MAX, are then emitted again, into lists, as many pixels at once as the slab holds. A tile with
+// a pixel that it does not hold is left out, and drawn when it is asked for again with a larger one.
 //
 // The technique defines, before it includes this,
-//   resolve_strip(fragments, scratch, begin, count, colors, resolved)
-// which blends the fragments begin[k] .. begin[k] + count[k] of a strip's pixels into `resolved`, from premultiplied colour 0
-// and transmittance 1.
+//   resolve_strip(fragments, scratch, begin, step, count, colors, resolved)
+// which blends the count[k] fragments at begin[k], begin[k] + step, ... of a strip's pixels into `resolved`, from premultiplied
+// colour 0 and transmittance 1.
 #ifndef DRAW_H
 #define DRAW_H
 
 #include "composite.h"
 #include "raster.h"
 
+INLINE uint largest(VECTOR(uint) values)
+{
+    uint found = 0;
+    for (int k = 0; k < STRIP; ++k) found = MAX(found, ((const uint *)&values)[k]);
+    return found;
+}
+
+// tile_totals: fragments of the tile, and of its deepest pixel. layers_before: only tiles deeper than that, if it is not 0.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                 global const ushort *pair_blocks, uint first_tile, volatile global uint *next_tile, uint to_tile,
-                 int columns, int width, int height, global const uint *pixel_end, global const uint *faces,
-                 global const void *palette, global const float *weights, global const float *normals, float view_x,
-                 float view_y, float view_z, uint slab, global ulong *fragments, global ulong *scratch,
-                 global float4 *colors, int side_bits, int picture_width, int picture_height, float red, float green,
-                 float blue, int has_background, int keep_color, volatile global uint *clamped, global uchar4 *image,
+                 uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
+                 global const uint *faces, global const void *palette, global const float *weights,
+                 global const float *normals, float view_x, float view_y, float view_z, uint layers_before, uint rows,
+                 uint slab, global ulong *fragments, global ulong *scratch, global float4 *colors, global uint2 *tile_totals,
+                 int side_bits, int picture_width, int picture_height, float red, float green, float blue,
+                 int has_background, int keep_color, volatile global uint *clamped, global uint *image,
                  global float4 *color)
 {
-    local float4 layer[TILE_PIXELS];
-    local uint taken;
-    size_t own = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
-    fragments += own;
-    if (scratch) scratch += own;
-    if (FRAGMENT_COLOR) colors += own;
+    local Colors layer[TILE_PIXELS / STRIP];
+    local uint ends[TILE_PIXELS] __attribute__((aligned(64)));  // inclusive prefix sum of the lists' lengths
+    local uint taken, total, deepest;
+    const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
+    uint lane = get_local_id(0), held = MIN(rows, (uint)RUN_MAX);
+    size_t own_slab = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
+    fragments += own_slab;
+    if (scratch) scratch += own_slab;
+    if (FRAGMENT_COLOR) colors += own_slab;
     for (;;) {
-        if (get_local_id(0) == 0) taken = atomic_inc(next_tile);
+        if (lane == 0) taken = atomic_inc(next_tile), total = deepest = 0;
         barrier(CLK_LOCAL_MEM_FENCE);
         uint tile = taken;
         if (tile >= to_tile) break;
-        global const uint *ends = pixel_end + tile * TILE_PIXELS;
-        if (ends[TILE_PIXELS - 1] == 0)
-            for (uint p = get_local_id(0); p < TILE_PIXELS; p += LANES) layer[p] = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
-        barrier(CLK_LOCAL_MEM_FENCE);
-        for (uint first = ends[TILE_PIXELS - 1] ? 0 : TILE_PIXELS, last; first < TILE_PIXELS; first = last + 1) {
-            uint start = first ? ends[first - 1] : 0;
-            last = TILE_PIXELS - 1;
-            while (ends[last] - start > slab) --last;
-            uint blocks = (2u << last / BLOCK_PIXELS) - (1u << first / BLOCK_PIXELS);
-            emit_tile(triangles, pair_start, pairs, pair_blocks, tile, first_tile, columns, width, height, pixel_end, blocks,
-                      start, ends[last] - start, faces, palette, weights, normals, (float3)(view_x, view_y, view_z), fragments,
-                      colors);
-            barrier(CLK_GLOBAL_MEM_FENCE);
-            for (uint p = get_local_id(0) * STRIP; p < TILE_PIXELS; p += LANES * STRIP) {
-                VECTOR(uint) begin, end = *(global const VECTOR(uint) *)(ends + p);
-                for (int k = 0; k < STRIP; ++k) ((uint *)&begin)[k] = p + k ? ends[p + k - 1] : 0;
-                VECTOR(uint) pixel = (VECTOR(uint))(p) + (VECTOR(uint))(IOTA);
-                VECTOR(int) here = pixel >= (VECTOR(uint))(first) && pixel <= (VECTOR(uint))(last);
-                Colors resolved = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f),
-                                   (VECTOR(float))(1.0f)};
-                resolve_strip(fragments, scratch, begin - start, here ? end - begin : (VECTOR(uint))(0),
-                              FRAGMENT_COLOR ? (global const void *)colors : palette, &resolved);
-                for (int k = 0; k < STRIP; ++k)
-                    if (((const int *)&here)[k])
-                        layer[p + k] = (float4)(((const float *)&resolved.red)[k], ((const float *)&resolved.green)[k],
-                                                ((const float *)&resolved.blue)[k], ((const float *)&resolved.alpha)[k]);
+        bool wanted = layers_before == 0 || tile_totals[tile].y > layers_before;
+        bool empty = pair_start[tile] == pair_start[tile + 1];
+        if (empty)
+            for (uint own = 0; own < STRIPS_A_LANE; ++own) layer[own * LANES + lane] = clear;
+        bool lists = false;
+        uint first = 0, last = TILE_PIXELS - 1;
+        while (wanted && !empty && first < TILE_PIXELS) {
+            VECTOR(uint) next[STRIPS_A_LANE];
+            Layout layout = {STRIP, rows * STRIP, rows * STRIP};
+            uint blocks = (1u << TILE_BLOCKS) - 1, start = 0;
+            for (uint own = 0; own < STRIPS_A_LANE; ++own) next[own] = (VECTOR(uint))(IOTA);
+            if (lists) {
+                layout = (Layout){1, slab, 0};
+                start = first ? ends[first - 1] : 0, blocks = 0;
+                last = TILE_PIXELS - 1;
+                while (ends[last] - start > slab) --last;
+                for (uint b = first / BLOCK_PIXELS; b <= last / BLOCK_PIXELS; ++b)
+                    blocks |= (uint)(ends[(b + 1) * BLOCK_PIXELS - 1] != (b ? ends[b * BLOCK_PIXELS - 1] : 0)) << b;
+                for (uint own = 0; own < STRIPS_A_LANE; ++own)
+                    for (uint k = 0; k < STRIP; ++k) {
+                        uint p = (own * LANES + lane) * STRIP + k, begin = p ? ends[p - 1] : 0;
+                        ((uint *)(next + own))[k] = ends[p] != begin ? begin - start : slab;
+                    }
             }
-            barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+            emit_tile(triangles, pair_start, pairs, tile, first_tile, columns, width, height, blocks, &layout, next, faces,
+                      palette, weights, normals, (float3)(view_x, view_y, view_z), fragments, colors);
+
+            uint sum = 0, most = 0;
+            for (uint own = 0; own < STRIPS_A_LANE; ++own) {
+                uint strip = own * LANES + lane, p = strip * STRIP;
+                VECTOR(uint) pixel = (VECTOR(uint))(p) + (VECTOR(uint))(IOTA), begin, count;
+                VECTOR(int) here = (VECTOR(int))(-1);
+                if (lists) {
+                    VECTOR(uint) end = *(local const VECTOR(uint) *)(ends + p);
+                    for (int k = 0; k < STRIP; ++k) ((uint *)&begin)[k] = p + k ? ends[p + k - 1] : 0;
+                    here = pixel >= (VECTOR(uint))(first) && pixel <= (VECTOR(uint))(last) && end != begin;
+                    count = here ? end - begin : (VECTOR(uint))(0);
+                    begin -= start;
+                } else {
+                    begin = (VECTOR(uint))(strip * layout.strip_room) + (VECTOR(uint))(IOTA);
+                    count = next[own] / (VECTOR(uint))(STRIP);
+                    uint layers = largest(count);
+                    for (int k = 0; k < STRIP; ++k) sum += ((const uint *)&count)[k];
+                    most = MAX(most, layers);
+                    *(local VECTOR(uint) *)(ends + p) = layers > held ? count : (VECTOR(uint))(0);
+                    if (layers > held) count = (VECTOR(uint))(0);
+                }
+                Colors resolved = clear;
+                resolve_strip(fragments, scratch, begin, layout.step, count,
+                              FRAGMENT_COLOR ? (global const void *)colors : palette, &resolved);
+                layer[strip].red = here ? resolved.red : layer[strip].red;
+                layer[strip].green = here ? resolved.green : layer[strip].green;
+                layer[strip].blue = here ? resolved.blue : layer[strip].blue;
+                layer[strip].alpha = here ? resolved.alpha : layer[strip].alpha;
+            }
+            first = last + 1;
+            if (!lists) {
+                atomic_add(&total, sum);
+                atomic_max(&deepest, most);
+                barrier(CLK_LOCAL_MEM_FENCE);
+                if (deepest > held && deepest <= slab) first = 0, lists = true;
+                if (lane == 0) {
+                    tile_totals[tile] = (uint2)(total, deepest);
+                    for (uint p = 1; lists && p < TILE_PIXELS; ++p) ends[p] += ends[p - 1];
+                }
+                barrier(CLK_LOCAL_MEM_FENCE);
+            }
         }
-        uint beyond = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height,
-                                     (float4)(red, green, blue, has_background), keep_color, image, color);
-        if (beyond) atomic_add(clamped, beyond);
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (empty && lane == 0) tile_totals[tile] = (uint2)(0);
+        if (wanted && deepest <= slab) {
+            uint beyond = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
+                                         blue, has_background, keep_color, image, color);
+            if (beyond) atomic_add(clamped, beyond);
+        }
         barrier(CLK_LOCAL_MEM_FENCE);
     }
 }

@@ -1,14 +1,13 @@
-// A tile's records to its fragments, exactly: the walk that counting (raster.cl) and drawing share.
+// A tile's records to its fragments, exactly: the walk that counting (raster.cl) and drawing (draw.h) share.
 //
 // A tile's blocks of 4 x 4 pixels are cut into strips of STRIP pixels; strip s belongs to lane s % LANES, which alone writes
-// its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order:
+// its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order, either way:
 //
-//   fragments:    | pixel 0: first submitted .. last | pixel 1: ... |      key << 32 | payload
-//   pixel_end:    inclusive prefix sum of the counts within the tile (pixels in the order of common.h)
-//   pair_blocks:  of each record of each tile's list, the blocks that it covers anything of (where LANES is 1)
+//   rows     a strip's fragments side by side, a row for each layer; fixed room, and no need to know how many there are
+//   lists    pixel 0: first submitted .. last, pixel 1: ...; as long as they are
 //
-// key: DEPTH_KEY of the fragment's depth. payload: its face, or its own place where that has a colour of its own (`colors`).
-// Both grow with submission, so a fragment is one integer, and their order is that of (depth, submission index).
+// A fragment is key << 32 | payload. key: DEPTH_KEY of its depth. payload: its face, or its own place where that has a colour
+// of its own (`colors`). Both grow with submission, so it is one integer, whose order is (depth, submission index).
 #ifndef RASTER_H
 #define RASTER_H
 
@@ -190,31 +189,28 @@ INLINE float4 shade(const float vertex_weight[3], uint source, global const uint
 }
 #endif
 
-// Emits a tile's fragments: those at `start` .. `start + capacity` of the tile, which lie in these blocks, relative to
-// `start`. What a tile too deep to be drawn at once has besides is left to another time.
+// Where a walk puts fragments: the next of a pixel's at its `next`, further ones `step` on, as long as that is below `room`;
+// strip s begins `strip_room` times s on. In rows: IOTA, STRIP and the room of a strip, twice. In lists: where they begin, 1,
+// what there is room for, and 0. A `next` beyond the room, or below zero, is for fragments that are left to another time.
+typedef struct { uint step, room, strip_room; } Layout;
+
+// Emits a tile's fragments that lie in these blocks; at the end `next` is beyond the last, whether there was room or not.
 INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                      global const ushort *pair_blocks, uint tile, uint first_tile, int columns, int width, int height,
-                      global const uint *pixel_end, uint blocks, uint start, uint capacity, global const uint *faces,
-                      global const void *palette, global const float *weights, global const float *normals, float3 view,
-                      global ulong *fragments, global float4 *colors)
+                      uint tile, uint first_tile, int columns, int width, int height, uint blocks, const Layout *layout,
+                      VECTOR(uint) *next, global const uint *faces, global const void *palette,
+                      global const float *weights, global const float *normals, float3 view, global ulong *fragments,
+                      global float4 *colors)
 {
     ENTER_TILE
-    VECTOR(uint) next[STRIPS_A_LANE];
-    for (int own = 0; own < STRIPS_A_LANE; ++own)
-        for (int k = 0; k < STRIP; ++k) {
-            int p = (own * LANES + lane) * STRIP + k;
-            ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) - start;
-        }
-
     for (uint at = pair_start[tile], end = pair_start[tile + 1]; at < end; at += WIDE) {
         Walks walks;
         uint ready = ready_walks(triangles, pairs, at, end, x, y, tile_x, tile_y, &walks);
         for (uint n = 0; n < ready; ++n) {
-            if (LANES == 1 && !(pair_blocks[at + n] & blocks)) continue;
+            if (!((uint)((const int *)&walks.blocks)[n] & blocks & LANE_BLOCKS)) continue;
             Walk w;
             walk_of(&walks, n, &w);
             global const Triangle *t = triangles + pairs[at + n];
-            FOR_EACH_BLOCK((LANES == 1 ? pair_blocks[at + n] : blocks_met(&walks, n, &w, lane)) & blocks) {
+            FOR_EACH_BLOCK(blocks_met(&walks, n, &w, lane) & blocks) {
                 int block = LOWEST_BIT(left);
                 VECTOR(float) weight[3];
                 VECTOR(int) covered = cover(&w, block, weight);
@@ -227,11 +223,14 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
                 value |= (VECTOR(ulong))((ulong)t->source);
 #endif
                 VECTOR(uint) *places = next + OWN(block);
+                uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
 #if FRAGMENT_COLOR
                 for (uint bits = BITS_OF(covered); bits; bits &= bits - 1) {
                     int k = LOWEST_BIT(bits);
-                    uint place = ((uint *)places)[k]++;
-                    if (place >= capacity) continue;
+                    uint place = ((uint *)places)[k];
+                    ((uint *)places)[k] += layout->step;
+                    if (place >= layout->room) continue;
+                    place += strip_start;
                     float vertex_weight[3];
                     for (int j = 0; j < 3; ++j) {
                         vertex_weight[j] = 0.0f;
@@ -243,8 +242,8 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
                 }
 #else
                 VECTOR(uint) place = *places;
-                *places -= PASTE(as_, VECTOR(uint))(covered);
-                scatter(fragments, place, covered & (place < (VECTOR(uint))(capacity)), value);
+                *places += PASTE(as_, VECTOR(uint))(covered) & layout->step;
+                scatter(fragments + strip_start, place, covered & (place < (VECTOR(uint))(layout->room)), value);
 #endif
             }
         }

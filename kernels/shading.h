@@ -21,7 +21,18 @@ INLINE float4 palette_color(global const void *palette, uint index)
 #endif
 }
 
-// The next `row_count` of each of a strip's pixels' fragments, from number `first` on; ABSENT behind a pixel's last.
+// The next `row_count` of each of a strip's pixels' fragments, from number `first` on; ABSENT behind a pixel's last. Those of
+// pixel k begin at begin[k] and lie `step` apart: 1 in lists, STRIP in rows (raster.h).
+INLINE void load_rows_of_rows(global const ulong *fragments, uint begin, VECTOR(uint) count, uint first, uint row_count,
+                              VECTOR(ulong) *rows)
+{
+    global const VECTOR(ulong) *from = (global const VECTOR(ulong) *)(fragments + begin) + first;
+    for (uint row = 0; row < row_count; ++row) {
+        VECTOR(int) here = count > (VECTOR(uint))(first + row);
+        rows[row] = CONVERT(long, STRIP, here) ? from[row] : (VECTOR(ulong))(ABSENT);
+    }
+}
+
 #if STRIP == 16
 // Eight of eight pixels at once, lists to rows: a transposition in three steps, of halves, quarters and pairs. It reads up to
 // seven places beyond a list, which are there (FRAGMENT_PADDING), and does not look at them.
@@ -41,7 +52,7 @@ typedef ulong8 Octet __attribute__((aligned(8)));
         ulong8 low = (ulong8)(a.lo, b.lo);                                                                      \
         b = (ulong8)(a.hi, b.hi), a = low;                                                                      \
     }
-INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, uint first, uint row_count,
+INLINE void load_rows_of_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, uint first, uint row_count,
                       VECTOR(ulong) *rows)
 {
     for (uint row = 0; row < row_count; row += 8) {
@@ -61,7 +72,7 @@ INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, VECTOR(
     }
 }
 #else
-INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, uint first, uint row_count,
+INLINE void load_rows_of_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, uint first, uint row_count,
                       VECTOR(ulong) *rows)
 {
     for (int k = 0; k < STRIP; ++k) {
@@ -71,6 +82,13 @@ INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, VECTOR(
     }
 }
 #endif
+
+INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count, uint first,
+                      uint row_count, VECTOR(ulong) *rows)
+{
+    if (step == STRIP) load_rows_of_rows(fragments, begin.s0, count, first, row_count, rows);
+    else load_rows_of_lists(fragments, begin, count, first, row_count, rows);
+}
 
 // The colours of a strip's next fragments, a row of `fetched` for each row of fragments; ABSENT ones have alpha 0.
 // `colors` is the fragments' own colours, or the palette where they have none.

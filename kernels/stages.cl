@@ -1,4 +1,3 @@
 // What every picture needs, whatever the technique, in one program: a compiler takes longer to start than to compile these.
 #include "projection.cl"
 #include "binning.cl"
-#include "raster.cl"

@@ -27,7 +27,6 @@ def test_the_kernels_are_installed():
         "binning.cl",
         "raster.cl",
         "stages.cl",
-        "windows.cl",
         "techniques/sort.cl",
     } <= set(FILES)
 

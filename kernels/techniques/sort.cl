@@ -67,8 +67,8 @@ INLINE bool is_seen(VECTOR(float) transmittance)
     return seen;
 }
 
-INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, VECTOR(uint) count,
-                          global const void *colors, Colors *resolved)
+INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
+                          VECTOR(uint) count, global const void *colors, Colors *resolved)
 {
     uint deepest = 0;
     for (int k = 0; k < STRIP; ++k) {
@@ -79,7 +79,7 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     for (uint first = 0; first < deepest; first += RUN_MAX) {
         VECTOR(ulong) rows[RUN_MAX];
         uint row_count = MIN(deepest - first, (uint)RUN_MAX);
-        load_rows(fragments, begin, count, first, row_count, rows);
+        load_rows(fragments, begin, step, count, first, row_count, rows);
         if (first == 0) sort_rows(rows, row_count);
         for (uint row = 0; row < row_count && is_seen(resolved->alpha); row += FETCH_ROWS) {
             Colors source[FETCH_ROWS];

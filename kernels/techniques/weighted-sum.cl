@@ -6,8 +6,8 @@
 // background is less than nothing (draw.h counts those pixels).
 #include "shading.h"
 
-INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, VECTOR(uint) count,
-                          global const void *colors, Colors *resolved)
+INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
+                          VECTOR(uint) count, global const void *colors, Colors *resolved)
 {
     uint deepest = 0;
     for (int k = 0; k < STRIP; ++k) deepest = MAX(deepest, ((const uint *)&count)[k]);
@@ -16,7 +16,7 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
         VECTOR(ulong) rows[FETCH_ROWS];
         Colors source[FETCH_ROWS];
         uint row_count = MIN(deepest - first, (uint)FETCH_ROWS);
-        load_rows(fragments, begin, count, first, row_count, rows);
+        load_rows(fragments, begin, step, count, first, row_count, rows);
         fetch_colors(rows, row_count, colors, source);
         for (uint k = 0; k < row_count; ++k) blend_add(resolved, source + k);
     }
