@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.layout import TILE, TILE_PIXELS
+from clpeel.layout import PADDING, TILE, TILE_PIXELS
 from clpeel.program import cut, launch, program
 from clpeel.projection import Triangles
 
@@ -33,7 +33,7 @@ class Batch:
     first_tile: int
     last_tile: int
     pair_start: cl.Buffer  # uint32 [tiles + 1]
-    pairs: cl.Buffer  # uint32 [tile_pairs.sum()]
+    pairs: cl.Buffer  # uint32 [tile_pairs.sum() and more]
     tile_pairs: NDArray[np.int64]  # [tiles], how long the lists are
 
     @property
@@ -51,7 +51,7 @@ class Tiles:
     columns: int
     chunk_records: int
     chunk_count: int
-    counts: cl.Buffer  # uint32 [chunks, tiles]: where each chunk's records begin in the tile's list
+    counts: cl.Buffer  # uint32 [chunks, tiles and more]: where each chunk's records begin in the tile's list
     tile_pairs: NDArray[np.int64]  # [tiles]
 
     def batches(self, budget: int) -> Iterator[Batch]:
@@ -68,7 +68,7 @@ class Tiles:
         starts = np.zeros(len(tile_pairs) + 1, np.int64)
         np.cumsum(tile_pairs, out=starts[1:])
         pair_start = self.gpu.put("pair_start", starts.astype(np.uint32))
-        pairs = self.gpu.buffer("pairs", int(starts[-1]) * PAIR_BYTES)
+        pairs = self.gpu.buffer("pairs", (int(starts[-1]) + self.chunk_count * PADDING) * PAIR_BYTES)
         kernel = program(self.gpu, "stages.cl", self.triangles.features)["bin_emit"]
         launch(
             self.gpu,
@@ -95,8 +95,9 @@ def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
     width, height = triangles.size
     columns, rows = -(-width // TILE), -(-height // TILE)
     tile_count = columns * rows
-    chunk_records, chunks = cut(gpu, triangles.listed, budget // (4 * tile_count))
-    counts = gpu.buffer("counts", 4 * chunks * tile_count)
+    counts_apart = tile_count + columns + 1
+    chunk_records, chunks = cut(gpu, triangles.listed, budget // (4 * counts_apart))
+    counts = gpu.buffer("counts", 4 * chunks * counts_apart)
     tile_pairs = gpu.buffer("tile_pairs", 4 * tile_count)
     kernels = program(gpu, "stages.cl", triangles.features)
     walk = _walk(triangles, columns, chunk_records, tile_count, counts)
@@ -107,6 +108,7 @@ def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
         kernels["bin_offsets"],
         tile_count,
         chunk_count=chunks,
+        columns=columns,
         tile_count=tile_count,
         counts=counts,
         tile_pairs=tile_pairs,

@@ -70,7 +70,8 @@ LIST_RUN = 64
 """Faces that are sifted at once (projection.cl)."""
 
 PADDING = 16
-"""Vertices, faces or records that a work-item may write past the last one: as many as it does at once (wide.h)."""
+"""Vertices, faces or records that a work-item may write past the last one: as many as it does at once (wide.h).
+Also numbers in a line of a cache, where what is not wanted is written (binning.cl)."""
 
 VERTEX = np.dtype(
     [

@@ -4,7 +4,7 @@
 //   bin_offsets  one work-item a tile: chunk counts to offsets within the tile's list, and the list's length
 //   bin_emit     one work-item a chunk: writes the lists of the tiles of one batch
 //
-//   counts[chunk * tile_count + tile]      chunks in submission order, so lists are too: nothing to sort, no atomics
+//   counts[chunk * COUNTS_APART + tile]    chunks in submission order, so lists are too: nothing to sort, no atomics
 #include "common.h"
 
 // Whether a sample of the tile can lie inside: no edge has all of the tile's samples on its outer side.
@@ -22,28 +22,39 @@ INLINE bool meets_tile(global const Triangle *t, int column, int row, int width,
     return true;
 }
 
-// Runs BODY for each (record, tile) of the chunk's records with first_row <= tile row <= last_row.
+// Runs BODY for the tiles of each of the chunk's records with first_row <= tile row <= last_row, and for some others where
+// `present` is 0. Most records of a fine mesh meet one tile or its neighbours: for those there is no branch to guess, and
+// `counts` goes far enough beyond its tiles for the neighbours of the last.
 #define FOR_EACH_PAIR(BODY)                                                                                     \
-    for (uint place = first; place < last; ++place) {                                                              \
-        ushort4 reach = bounds[place];                                                                           \
+    for (uint place = first; place < last; ++place) {                                                           \
+        ushort4 reach = bounds[place];                                                                          \
         bool fan = reach.x == CLIPPED_FACE && reach.y == 0;                                                     \
-        uint record = fan ? record_count + CLIP_TRIANGLES * (reach.z | (uint)reach.w << 16) : place;               \
+        uint record = fan ? record_count + CLIP_TRIANGLES * (reach.z | (uint)reach.w << 16) : place;            \
         uint end = fan ? record + CLIP_TRIANGLES : record + 1;                                                  \
         for (; record < end; ++record) {                                                                        \
             ushort4 box = bounds[record];                                                                       \
             if (box.x > box.y) continue;                                                                        \
             box /= (ushort)TILE;                                                                                \
-            int row = MAX((int)box.z, first_row), row_end = MIN((int)box.w, last_row);                          \
-            /* up to four tiles the test costs more than the pairs it saves */                                  \
-            bool test = (box.y - box.x + 1) * (box.w - box.z + 1) > 4;                                          \
-            for (; row <= row_end; ++row)                                                                       \
+            uint right = box.y - box.x, down = box.w - box.z;                                                   \
+            if ((right | down) < 2) {                                                                           \
+                uint corner = box.z * columns + box.x;                                                          \
+                { uint tile = corner, present = 1; BODY }                                                       \
+                { uint tile = corner + 1, present = right; BODY }                                               \
+                { uint tile = corner + columns, present = down; BODY }                                          \
+                { uint tile = corner + columns + 1, present = right & down; BODY }                              \
+                continue;                                                                                       \
+            }                                                                                                   \
+            for (int row = MAX((int)box.z, first_row); row <= MIN((int)box.w, last_row); ++row)                 \
                 for (int column = box.x; column <= box.y; ++column) {                                           \
-                    if (test && !meets_tile(triangles + record, column, row, width, height)) continue;          \
-                    uint tile = row * columns + column;                                                         \
+                    if (!meets_tile(triangles + record, column, row, width, height)) continue;                  \
+                    uint tile = row * columns + column, present = 1;                                            \
                     BODY                                                                                        \
                 }                                                                                               \
         }                                                                                                       \
     }
+
+// Chunks' counts lie this far apart.
+#define COUNTS_APART (tile_count + columns + 1)
 
 kernel void bin_count(global const Triangle *triangles, global const ushort4 *bounds, uint record_count, uint chunk_records,
                       int width, int height, int columns, int first_row, int last_row, uint tile_count,
@@ -51,18 +62,18 @@ kernel void bin_count(global const Triangle *triangles, global const ushort4 *bo
 {
     uint chunk = get_global_id(0);
     uint first = chunk * chunk_records, last = MIN(first + chunk_records, record_count);
-    global uint *mine = counts + (size_t)chunk * tile_count;
-    for (uint tile = 0; tile < tile_count; ++tile) mine[tile] = 0;
-    FOR_EACH_PAIR(++mine[tile];)
+    global uint *mine = counts + (size_t)chunk * COUNTS_APART;
+    for (uint tile = 0; tile < COUNTS_APART; ++tile) mine[tile] = 0;
+    FOR_EACH_PAIR(mine[tile] += present;)
 }
 
-kernel void bin_offsets(uint chunk_count, uint tile_count, global uint *counts, global uint *tile_pairs)
+kernel void bin_offsets(uint chunk_count, int columns, uint tile_count, global uint *counts, global uint *tile_pairs)
 {
     uint tile = get_global_id(0);
     if (tile >= tile_count) return;
     uint sum = 0;
     for (uint chunk = 0; chunk < chunk_count; ++chunk) {
-        size_t at = (size_t)chunk * tile_count + tile;
+        size_t at = (size_t)chunk * COUNTS_APART + tile;
         uint count = counts[at];
         counts[at] = sum;
         sum += count;
@@ -70,7 +81,8 @@ kernel void bin_offsets(uint chunk_count, uint tile_count, global uint *counts, 
     tile_pairs[tile] = sum;
 }
 
-// pair_start[tile - first_tile]: where the tile's list begins in `pairs`.
+// pair_start[tile - first_tile]: where the tile's list begins in `pairs`. Each chunk has a line of its own behind the last
+// list, for what is not present.
 kernel void bin_emit(global const Triangle *triangles, global const ushort4 *bounds, uint record_count, uint chunk_records,
                      int width, int height, int columns, int first_row, int last_row, uint tile_count,
                      uint first_tile, uint last_tile, global const uint *pair_start, global uint *counts,
@@ -78,6 +90,12 @@ kernel void bin_emit(global const Triangle *triangles, global const ushort4 *bou
 {
     uint chunk = get_global_id(0);
     uint first = chunk * chunk_records, last = MIN(first + chunk_records, record_count);
-    global uint *mine = counts + (size_t)chunk * tile_count;
-    FOR_EACH_PAIR(if (tile >= first_tile && tile <= last_tile) pairs[pair_start[tile - first_tile] + mine[tile]++] = record;)
+    uint nowhere = pair_start[last_tile - first_tile + 1] + chunk * PADDING;
+    global uint *mine = counts + (size_t)chunk * COUNTS_APART;
+    for (uint tile = first_tile; tile <= last_tile; ++tile) mine[tile] += pair_start[tile - first_tile];
+    FOR_EACH_PAIR(
+        uint listed = present & (uint)(tile - first_tile <= last_tile - first_tile);
+        uint at = mine[tile];
+        mine[tile] = at + listed;
+        pairs[listed ? at : nowhere] = record;)
 }
