@@ -12,6 +12,17 @@ from numpy.typing import NDArray
 from clpeel.device import Gpu
 
 
+CACHE_LINE = 64
+
+
+def _aligned(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """An array that begins on a cache line, so that a device which works in it stores whole lines."""
+    nbytes = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    held = np.empty(nbytes + CACHE_LINE, np.uint8)
+    start = -held.ctypes.data % CACHE_LINE
+    return held[start : start + nbytes].view(dtype).reshape(shape)
+
+
 class Picture:
     """The picture being made, in the host's own arrays, which the device fills tile by tile.
 
@@ -22,15 +33,16 @@ class Picture:
         width, height = size
         self.gpu = gpu
         self.size = size
-        self.image: NDArray[np.uint8] = np.empty((height, width, 4), np.uint8)
-        self.color: NDArray[np.float32] | None = np.empty((height, width, 4), np.float32) if keep_color else None
+        self.image: NDArray[np.uint8] = _aligned((height, width, 4), np.uint8)
+        self.color: NDArray[np.float32] | None = _aligned((height, width, 4), np.float32) if keep_color else None
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
         self._image = cl.Buffer(gpu.context, flags, hostbuf=self.image)
         self._color = None if self.color is None else cl.Buffer(gpu.context, flags, hostbuf=self.color)
         self._own_references = self._references()
 
     def _references(self) -> list[int]:
-        return [sys.getrefcount(array) for array in (self.image, self.color) if array is not None]
+        arrays = [array for array in (self.image, self.color) if array is not None]
+        return [sys.getrefcount(held) for array in arrays for held in (array, array.base)]
 
     def fits(self, size: tuple[int, int], keep_color: bool) -> bool:
         """Whether it has this size and what is to be kept."""

@@ -31,6 +31,18 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint sid
 typedef uint4 RowBytes __attribute__((aligned(4)));
 typedef float16 RowColors __attribute__((aligned(16)));
 
+// A line of a cache, if it is one, goes past the caches: it is not read again, nor need what was there be read before.
+INLINE void store_row(global float4 *to, float16 colors)
+{
+#if CPU_TARGET && __has_builtin(__builtin_nontemporal_store)
+    if ((size_t)to % sizeof(float16) == 0) {
+        __builtin_nontemporal_store(colors, (global float16 *)to);
+        return;
+    }
+#endif
+    *(global RowColors *)to = colors;
+}
+
 // tile: of the picture. layer: its strips. Returns how many of this lane's pixels let less than nothing through: their
 // colours are clamped.
 INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height, float red,
@@ -65,15 +77,14 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
         if (whole) {
             uint block = q / BLOCK_PIXELS, x = left + block % BLOCKS_A_ROW * BLOCK;
             uint y = top + block / BLOCKS_A_ROW * BLOCK + q % BLOCK_PIXELS / BLOCK;
-            for (uint k = 0; k < STRIP; k += BLOCK) {
-                size_t at = (size_t)(y + k / BLOCK) * width + x;
-                const uint *b = (const uint *)&bytes + k;
-                const float *r = (const float *)&pixel.red + k, *g = (const float *)&pixel.green + k;
-                const float *u = (const float *)&pixel.blue + k, *a = (const float *)&alpha + k;
-                *(global RowBytes *)(image + at) = (uint4)(b[0], b[1], b[2], b[3]);
+            UNROLL for (uint k = 0; k < STRIP / BLOCK; ++k) {
+                size_t at = (size_t)(y + k) * width + x;
+                float4 r = ((const float4 *)&pixel.red)[k], g = ((const float4 *)&pixel.green)[k];
+                float4 b = ((const float4 *)&pixel.blue)[k], a = ((const float4 *)&alpha)[k];
+                *(global RowBytes *)(image + at) = ((const uint4 *)&bytes)[k];
                 if (keep_color)
-                    *(global RowColors *)(color + at) = (float16)(r[0], g[0], u[0], a[0], r[1], g[1], u[1], a[1], r[2], g[2],
-                                                                  u[2], a[2], r[3], g[3], u[3], a[3]);
+                    store_row(color + at, (float16)(r.x, g.x, b.x, a.x, r.y, g.y, b.y, a.y, r.z, g.z, b.z, a.z, r.w, g.w,
+                                                    b.w, a.w));
             }
             uint bits_below = BITS_OF(below);
             if (bits_below) clamped += popcount(bits_below);
