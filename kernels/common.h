@@ -126,6 +126,14 @@ INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int)
     return found;
 }
 
+// A line of a cache that is not read again soon: past the caches, and without reading first what was there. `to` is where a
+// line begins.
+#if CPU_TARGET && __has_builtin(__builtin_nontemporal_store)
+#define STORE_LINE(to, value) __builtin_nontemporal_store(value, to)
+#else
+#define STORE_LINE(to, value) (*(to) = (value))
+#endif
+
 // The lowest bit's place, of a number that is not zero.
 #if __has_builtin(__builtin_ctz)
 #define LOWEST_BIT(bits) __builtin_ctz(bits)

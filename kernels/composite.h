@@ -31,18 +31,6 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint sid
 typedef uint4 RowBytes __attribute__((aligned(4)));
 typedef float16 RowColors __attribute__((aligned(16)));
 
-// A line of a cache, if it is one, goes past the caches: it is not read again, nor need what was there be read before.
-INLINE void store_row(global float4 *to, float16 colors)
-{
-#if CPU_TARGET && __has_builtin(__builtin_nontemporal_store)
-    if ((size_t)to % sizeof(float16) == 0) {
-        __builtin_nontemporal_store(colors, (global float16 *)to);
-        return;
-    }
-#endif
-    *(global RowColors *)to = colors;
-}
-
 // tile: of the picture. layer: its strips. Returns how many of this lane's pixels let less than nothing through: their
 // colours are clamped.
 INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height, float red,
@@ -82,9 +70,10 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
                 float4 r = ((const float4 *)&pixel.red)[k], g = ((const float4 *)&pixel.green)[k];
                 float4 b = ((const float4 *)&pixel.blue)[k], a = ((const float4 *)&alpha)[k];
                 *(global RowBytes *)(image + at) = ((const uint4 *)&bytes)[k];
-                if (keep_color)
-                    store_row(color + at, (float16)(r.x, g.x, b.x, a.x, r.y, g.y, b.y, a.y, r.z, g.z, b.z, a.z, r.w, g.w,
-                                                    b.w, a.w));
+                if (!keep_color) continue;
+                float16 row = (float16)(r.x, g.x, b.x, a.x, r.y, g.y, b.y, a.y, r.z, g.z, b.z, a.z, r.w, g.w, b.w, a.w);
+                if ((size_t)(color + at) % sizeof(row) == 0) STORE_LINE((global float16 *)(color + at), row);
+                else *(global RowColors *)(color + at) = row;
             }
             uint bits_below = BITS_OF(below);
             if (bits_below) clamped += popcount(bits_below);

@@ -30,12 +30,10 @@ kernel void project_vertices(global const float *positions, global const float *
     uint first = get_global_id(0) * WIDE;
     if (first >= vertex_count) return;
     Point point;
-    FOR_EACH_ELEMENT {
-        uint from = MIN(first + k, vertex_count - 1);
-        UNROLL for (int j = 0; j < 3; ++j) {
-            FLOAT_OF(point.high[j]) = positions[3 * from + j];
-            if (LOW_POSITIONS) FLOAT_OF(point.low[j]) = low_positions[3 * from + j];
-        }
+    Uints vertex = items_from(first, vertex_count);
+    UNROLL for (int j = 0; j < 3; ++j) {
+        point.high[j] = AS_FLOATS(GATHER(positions + j, 1, 3 * vertex));
+        if (LOW_POSITIONS) point.low[j] = AS_FLOATS(GATHER(low_positions + j, 1, 3 * vertex));
     }
     ClipVertex v;
     to_clip_space(matrix, &point, &v);
@@ -75,19 +73,21 @@ INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach
     return covers;
 }
 
+// A field of vertices, which are three times two numbers long.
+#define VERTEX_FIELD(name, at) GATHER(&vertices->name, 2, 3 * (at))
+
 kernel void cull_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
                            int width, int height, global uchar *states)
 {
     uint first = get_global_id(0) * WIDE;
     if (first >= face_count) return;
     Ints x[3], y[3];
-    Uints outcode[3];
-    FOR_EACH_ELEMENT UNROLL for (int j = 0; j < 3; ++j) {
-        uint vertex = faces[3 * MIN(first + k, face_count - 1) + j];
-        global const Vertex *v = vertices + MIN(vertex, vertex_count - 1);
-        INT_OF(x[j]) = v->x, INT_OF(y[j]) = v->y;
+    Uints outcode[3], face = items_from(first, face_count);
+    UNROLL for (int j = 0; j < 3; ++j) {
+        Uints given = GATHER(faces + j, 1, 3 * face), vertex = MIN(given, (Uints)(vertex_count - 1));
+        x[j] = AS_INTS(VERTEX_FIELD(x, vertex)), y[j] = AS_INTS(VERTEX_FIELD(y, vertex));
         // The host refuses faces with vertices that there are none of; this guard is for memory's sake.
-        INT_OF(outcode[j]) = vertex < vertex_count ? (int)v->outcode : NOT_FINITE;
+        outcode[j] = given == vertex ? VERTEX_FIELD(outcode, vertex) : (Uints)(NOT_FINITE);
     }
     Reach reach;
     reach_of(x, y, width, height, &reach);
@@ -145,17 +145,14 @@ kernel void setup_triangles(global const uint *faces, uint vertex_count, global 
 {
     uint first = get_global_id(0) * WIDE;
     if (first >= listed_count) return;
-    Uints source;
+    Uints source = GATHER(listed, 1, items_from(first, listed_count));
     Corner corner[3];
-    FOR_EACH_ELEMENT {
-        uint face = listed[MIN(first + k, listed_count - 1)];
-        INT_OF(source) = (int)face;
-        UNROLL for (int j = 0; j < 3; ++j) {
-            global const Vertex *v = vertices + MIN(faces[3 * face + j], vertex_count - 1);
-            INT_OF(corner[j].x) = v->x, INT_OF(corner[j].y) = v->y;
-            FLOAT_OF(corner[j].offset_x) = v->offset_x, FLOAT_OF(corner[j].offset_y) = v->offset_y;
-            FLOAT_OF(corner[j].depth) = v->depth;
-        }
+    UNROLL for (int j = 0; j < 3; ++j) {
+        Uints vertex = MIN(GATHER(faces + j, 1, 3 * source), (Uints)(vertex_count - 1));
+        corner[j].x = AS_INTS(VERTEX_FIELD(x, vertex)), corner[j].y = AS_INTS(VERTEX_FIELD(y, vertex));
+        corner[j].offset_x = AS_FLOATS(VERTEX_FIELD(offset_x, vertex));
+        corner[j].offset_y = AS_FLOATS(VERTEX_FIELD(offset_y, vertex));
+        corner[j].depth = AS_FLOATS(VERTEX_FIELD(depth, vertex));
     }
     Arrangement arrangement;
     make_triangles(corner, source, width, height, first, triangles, bounds, &arrangement);

@@ -159,19 +159,16 @@ INLINE void make_triangles(const Corner *given, Uints source, int width, int hei
         depth[k] = k == 0 ? c[k].depth + shift : (c[k].depth - c[0].depth) + (shift - first_shift);
     }
     Floats depth_max = MAX(c[1].depth, c[2].depth), inverse_area = (Floats)(1.0f) / TO(Floats, area);
-    FOR_EACH_ELEMENT {
-        ushort4 box = (ushort4)(INT_OF(reach.left), INT_OF(reach.right), INT_OF(reach.top), INT_OF(reach.bottom));
-        bounds[record + k] = box;
-        global Triangle *t = triangles + record + k;
-        for (int j = 0; j < 3; ++j) t->x[j] = INT_OF(x[j]), t->y[j] = INT_OF(y[j]), t->depth[j] = FLOAT_OF(depth[j]);
-        t->depth_min = FLOAT_OF(c[0].depth);
-        t->depth_max = FLOAT_OF(depth_max);
-        t->inverse_area = FLOAT_OF(inverse_area);
-        t->source = (uint)INT_OF(source);
-        t->small = INT_OF(extent) < SMALL_EXTENT;
-        t->left_right = (uint)box.x | (uint)box.y << 16;
-        t->top_bottom = (uint)box.z | (uint)box.w << 16;
-    }
+    Uints small = AS_UINTS(extent < (Ints)(SMALL_EXTENT)) & (Uints)(1);
+    Uints left_right = AS_UINTS(reach.left | reach.right << (Ints)(16));
+    Uints top_bottom = AS_UINTS(reach.top | reach.bottom << (Ints)(16));
+    FOR_EACH_ELEMENT
+        bounds[record + k] = (ushort4)(INT_OF(reach.left), INT_OF(reach.right), INT_OF(reach.top), INT_OF(reach.bottom));
+    Uints field[RECORD_FIELDS] = {  // those of a Triangle (layout.py)
+        AS_UINTS(x[0]), AS_UINTS(x[1]), AS_UINTS(x[2]), AS_UINTS(y[0]), AS_UINTS(y[1]), AS_UINTS(y[2]), AS_UINTS(depth[0]),
+        AS_UINTS(depth[1]), AS_UINTS(depth[2]), AS_UINTS(c[0].depth), AS_UINTS(depth_max), AS_UINTS(inverse_area), source,
+        small, left_right, top_bottom};
+    store_records(triangles + record, field);
 }
 
 // weights[9 record + 3 k + j]: share of the face's vertex j at corner k, over w, so that interpolation is

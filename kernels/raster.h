@@ -56,14 +56,13 @@ INLINE uint ready_walks(global const Triangle *triangles, global const uint *pai
                         int tile_x, int tile_y, Walks *w)
 {
     for (uint ahead = at + WIDE; ahead < MIN(at + 2 * WIDE, end); ++ahead) PREFETCH(triangles + pairs[ahead]);
-    Ints corner_x[3], corner_y[3], left, right, top, bottom;
-    FOR_EACH_ELEMENT {
-        global const Triangle *t = triangles + pairs[MIN(at + k, end - 1)];
-        UNROLL for (int j = 0; j < 3; ++j) INT_OF(corner_x[j]) = t->x[j], INT_OF(corner_y[j]) = t->y[j];
-        INT_OF(left) = (int)(t->left_right & 0xFFFF), INT_OF(right) = (int)(t->left_right >> 16);
-        INT_OF(top) = (int)(t->top_bottom & 0xFFFF), INT_OF(bottom) = (int)(t->top_bottom >> 16);
-        INT_OF(w->small) = (int)t->small;
-    }
+    Uints field[RECORD_FIELDS];
+    load_records(triangles, pairs, at, end - 1, field);
+    Ints corner_x[3], corner_y[3];
+    UNROLL for (int j = 0; j < 3; ++j) corner_x[j] = AS_INTS(field[j]), corner_y[j] = AS_INTS(field[3 + j]);
+    w->small = AS_INTS(field[13]);
+    Ints left = AS_INTS(field[14] & 0xFFFF), right = AS_INTS(field[14] >> (Uints)(16));
+    Ints top = AS_INTS(field[15] & 0xFFFF), bottom = AS_INTS(field[15] >> (Uints)(16));
     UNROLL for (int k = 0; k < 3; ++k) {
         int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2;
         Ints dx = corner_x[b] - corner_x[a], dy = corner_y[b] - corner_y[a];
