@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from clpeel.device import Gpu
 
-
 CACHE_LINE = 64
+"""Bytes that a device's cores read and write at once, or a multiple."""
 
 
 def _aligned(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:

@@ -22,8 +22,8 @@ CACHED_FRAGMENTS = 1 << 22
 """Fragments that all groups have room for, 32 MiB, unless the fullest pixels need more."""
 
 LEAST_ROWS, MOST_ROWS, ROWS_APART = 34, RUN_MAX + 2, 32
-"""Layers that a strip has room for at once: 2 more than a multiple of 32, so that the rows of a tile's blocks, 128 bytes
-each, do not fall on the same places of a cache."""
+"""Layers that a strip has room for at once: 2 more than a multiple of 32, so that the rows of a tile's blocks, of 128
+bytes each, do not fall on the same places of a cache."""
 
 REPORTED_PAIRS = 1 << 18
 """Records in tiles that are drawn between two reports of progress: some tenths of a second."""
@@ -61,7 +61,11 @@ def draw_once(
     units = int(gpu.device.max_compute_units)
     groups = min(units if gpu.lanes == 1 else GROUPS_A_UNIT * units, batch.tiles)
     most_layers = int(batch.tile_pairs.max())  # there cannot be more
-    rows = min(max(CACHED_FRAGMENTS // (groups * TILE_PIXELS), LEAST_ROWS), MOST_ROWS, -(-most_layers // ROWS_APART) * ROWS_APART + 2)
+    rows = min(
+        max(CACHED_FRAGMENTS // (groups * TILE_PIXELS), LEAST_ROWS),
+        MOST_ROWS,
+        -(-most_layers // ROWS_APART) * ROWS_APART + 2,
+    )
     done = np.cumsum(batch.tile_pairs)
     tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
     capacity = capacity // BLOCK_PIXELS * BLOCK_PIXELS  # slabs begin where rows may

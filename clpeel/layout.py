@@ -39,8 +39,8 @@ FRAGMENT_BYTES = 8
 """A fragment: its depth key and its payload, as one integer that orders it (raster.h)."""
 
 FRAGMENT_PADDING = 16
-"""Fragments that a slab has room for beyond its last: up to seven are read with others (shading.h), and slabs begin where
-rows of 16 may."""
+"""Fragments that a slab has room for beyond its last: up to seven are read with others (shading.h), and slabs begin
+where rows of 16 may."""
 
 COLOR_BYTES = 16
 """A colour of four floats: a fragment's own where it varies over a face."""
