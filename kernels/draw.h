@@ -41,7 +41,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     local uint ends[TILE_PIXELS] __attribute__((aligned(64)));  // inclusive prefix sum of the lists' lengths
     local uint taken, total, deepest;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
-    uint lane = get_local_id(0), held = MIN(rows, (uint)RUN_MAX) / 8 * 8;
+    uint lane = get_local_id(0), held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
     size_t own_slab = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
     fragments += own_slab;
     if (scratch) scratch += own_slab;

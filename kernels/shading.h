@@ -9,7 +9,7 @@
 #include "blending.h"
 
 #define ABSENT (~0ul)  // a place without a fragment: behind every fragment there is
-#define FETCH_ROWS 16
+#define ROWS 8
 
 INLINE float4 palette_color(global const void *palette, uint index)
 {
@@ -19,18 +19,6 @@ INLINE float4 palette_color(global const void *palette, uint index)
 #else
     return ((global const float4 *)palette)[index];
 #endif
-}
-
-// The next `row_count` of each of a strip's pixels' fragments, from number `first` on; ABSENT behind a pixel's last. Those of
-// pixel k begin at begin[k] and lie `step` apart: 1 in lists, STRIP in rows (raster.h).
-INLINE void load_rows_of_rows(global const ulong *fragments, uint begin, VECTOR(uint) count, uint first, uint row_count,
-                              VECTOR(ulong) *rows)
-{
-    global const VECTOR(ulong) *from = (global const VECTOR(ulong) *)(fragments + begin) + first;
-    for (uint row = 0; row < row_count; ++row) {
-        VECTOR(int) here = count > (VECTOR(uint))(first + row);
-        rows[row] = CONVERT(long, STRIP, here) ? from[row] : (VECTOR(ulong))(ABSENT);
-    }
 }
 
 #if STRIP == 16
@@ -52,42 +40,42 @@ typedef ulong8 Octet __attribute__((aligned(8)));
         ulong8 low = (ulong8)(a.lo, b.lo);                                                                      \
         b = (ulong8)(a.hi, b.hi), a = low;                                                                      \
     }
-INLINE void load_rows_of_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, uint first, uint row_count,
-                      VECTOR(ulong) *rows)
+INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
 {
-    for (uint row = 0; row < row_count; row += 8) {
-        ulong8 list[STRIP];
-        VECTOR(uint) at = count > (VECTOR(uint))(first + row) ? begin + (first + row) : (VECTOR(uint))(0);
-        UNROLL for (int k = 0; k < STRIP; ++k) list[k] = *(global const Octet *)(fragments + ((const uint *)&at)[k]);
-        UNROLL for (int side = 0; side < STRIP; side += 8) {
-            ulong8 *l = list + side;
-            UNROLL for (int k = 0; k < 4; ++k) TURN_4(l[k], l[k + 4])
-            UNROLL for (int k = 0; k < 8; k += 4) { TURN_2(l[k], l[k + 2]) TURN_2(l[k + 1], l[k + 3]) }
-            UNROLL for (int k = 0; k < 8; k += 2) TURN_1(l[k], l[k + 1])
-        }
-        UNROLL for (uint k = 0; k < 8; ++k) {
-            VECTOR(int) here = count > (VECTOR(uint))(first + row + k);
-            rows[row + k] = CONVERT(long, STRIP, here) ? (VECTOR(ulong))(list[k], list[k + 8]) : (VECTOR(ulong))(ABSENT);
-        }
+    ulong8 list[STRIP];
+    VECTOR(uint) at = count > (VECTOR(uint))(0) ? begin : (VECTOR(uint))(0);
+    UNROLL for (int k = 0; k < STRIP; ++k) list[k] = *(global const Octet *)(fragments + ((const uint *)&at)[k]);
+    UNROLL for (int side = 0; side < STRIP; side += 8) {
+        ulong8 *l = list + side;
+        UNROLL for (int k = 0; k < 4; ++k) TURN_4(l[k], l[k + 4])
+        UNROLL for (int k = 0; k < 8; k += 4) { TURN_2(l[k], l[k + 2]) TURN_2(l[k + 1], l[k + 3]) }
+        UNROLL for (int k = 0; k < 8; k += 2) TURN_1(l[k], l[k + 1])
     }
+    UNROLL for (int k = 0; k < 8; ++k) rows[k] = (VECTOR(ulong))(list[k], list[k + 8]);
 }
 #else
-INLINE void load_rows_of_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, uint first, uint row_count,
-                      VECTOR(ulong) *rows)
+INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
 {
-    for (int k = 0; k < STRIP; ++k) {
-        global const ulong *from = fragments + ((const uint *)&begin)[k] + first;
-        uint size = ((const uint *)&count)[k], held = size > first ? MIN(size - first, row_count) : 0;
-        for (uint row = 0; row < row_count; ++row) ((ulong *)(rows + row))[k] = row < held ? from[row] : ABSENT;
+    for (uint k = 0; k < STRIP * ROWS; ++k) {
+        uint pixel = k % STRIP, row = k / STRIP;
+        if (row < ((const uint *)&count)[pixel]) ((ulong *)rows)[k] = fragments[((const uint *)&begin)[pixel] + row];
     }
 }
 #endif
 
+// ROWS rows of each of a strip's pixels' fragments, from number `first` on; ABSENT behind a pixel's last. Those of pixel k
+// begin at begin[k] and lie `step` apart: 1 in lists, STRIP in rows (raster.h).
 INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count, uint first,
-                      uint row_count, VECTOR(ulong) *rows)
+                      VECTOR(ulong) *rows)
 {
-    if (step == STRIP) load_rows_of_rows(fragments, begin.s0, count, first, row_count, rows);
-    else load_rows_of_lists(fragments, begin, count, first, row_count, rows);
+    VECTOR(uint) left = count > (VECTOR(uint))(first) ? count - first : (VECTOR(uint))(0);
+    if (step == STRIP) {
+        global const VECTOR(ulong) *from = (global const VECTOR(ulong) *)(fragments + begin.s0) + first;
+        UNROLL for (int row = 0; row < ROWS; ++row) rows[row] = from[row];
+    } else
+        load_from_lists(fragments, begin + first, left, rows);
+    UNROLL for (uint row = 0; row < ROWS; ++row)
+        rows[row] = CONVERT(long, STRIP, left > (VECTOR(uint))(row)) ? rows[row] : (VECTOR(ulong))(ABSENT);
 }
 
 // The colours of a strip's next fragments, a row of `fetched` for each row of fragments; ABSENT ones have alpha 0.

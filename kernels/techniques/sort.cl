@@ -12,35 +12,33 @@ INLINE void exchange(VECTOR(ulong) *nearer, VECTOR(ulong) *farther)
     *nearer = least, *farther = a ^ b ^ least;  // the other: a CPU has one unit that compares, and several that do this
 }
 
-// Storing rows is what costs: so steps that stay among eight rows are taken while those are in registers.
-#define AMONG_EIGHT(rows, STEPS)                                                                                \
-    {                                                                                                           \
-        VECTOR(ulong) r[8];                                                                                     \
-        UNROLL for (int k = 0; k < 8; ++k) r[k] = (rows)[k];                                                    \
-        STEPS                                                                                                   \
-        UNROLL for (int k = 0; k < 8; ++k) (rows)[k] = r[k];                                                    \
-    }
-#define X(i, j) exchange(r + i, r + j);
+#define X(i, j) exchange(rows + i, rows + j);
 
-// Sorts rows, their number rounded up to eights. Runs of eight first, by a network of 19 exchanges (Knuth, The Art of Computer
-// Programming 3, 5.3.4); then runs are merged two by two, by the bitonic network (Batcher 1968), whose first step pairs the
-// first of one run with the last of the other. It is that for the next power of two: rows there are not stay behind all others.
-INLINE void sort_rows(VECTOR(ulong) *rows, uint count)
+// Sorts ROWS rows: the network of 19 exchanges (Knuth, The Art of Computer Programming 3, 5.3.4).
+INLINE void sort_eight(VECTOR(ulong) *rows)
 {
-    count = (count + 7) / 8 * 8;
-    for (uint run = 0; run < count; run += 8)
-        AMONG_EIGHT(rows + run, X(0, 2) X(1, 3) X(4, 6) X(5, 7) X(0, 4) X(1, 5) X(2, 6) X(3, 7) X(0, 1) X(2, 3) X(4, 5)
-                                    X(6, 7) X(2, 4) X(3, 5) X(1, 4) X(3, 6) X(1, 2) X(3, 4) X(5, 6))
-    for (uint run = 8; run < count; run *= 2)
+    X(0, 2) X(1, 3) X(4, 6) X(5, 7) X(0, 4) X(1, 5) X(2, 6) X(3, 7) X(0, 1) X(2, 3) X(4, 5) X(6, 7) X(2, 4) X(3, 5) X(1, 4)
+    X(3, 6) X(1, 2) X(3, 4) X(5, 6)
+}
+
+// Merges sorted runs of ROWS rows two by two, `count` in all: the bitonic network (Batcher 1968), whose first step pairs the
+// first of one run with the last of the other. It is that for the next power of two: what is not there would stay behind.
+// Storing rows is what costs: so the last steps, which stay among eight rows, are taken while those are in registers.
+INLINE void merge_rows(VECTOR(ulong) *all, uint count)
+{
+    for (uint run = ROWS; run < count; run *= 2)
         for (uint first = 0; first + run < count; first += 2 * run) {
             uint end = MIN(first + 2 * run, count);
-            for (uint far = first + run; far < end; ++far) exchange(rows + 2 * (first + run) - 1 - far, rows + far);
-            for (uint step = run / 2; step >= 8; step /= 2)
+            for (uint far = first + run; far < end; ++far) exchange(all + 2 * (first + run) - 1 - far, all + far);
+            for (uint step = run / 2; step >= ROWS; step /= 2)
                 for (uint part = first; part + step < end; part += 2 * step)
-                    for (uint k = part; k < MIN(part + step, end - step); ++k) exchange(rows + k, rows + k + step);
-            for (uint part = first; part < end; part += 8)
-                AMONG_EIGHT(rows + part, X(0, 4) X(1, 5) X(2, 6) X(3, 7) X(0, 2) X(1, 3) X(4, 6) X(5, 7) X(0, 1) X(2, 3)
-                                             X(4, 5) X(6, 7))
+                    for (uint k = part; k < MIN(part + step, end - step); ++k) exchange(all + k, all + k + step);
+            for (uint part = first; part < end; part += ROWS) {
+                VECTOR(ulong) rows[ROWS];
+                UNROLL for (int k = 0; k < ROWS; ++k) rows[k] = all[part + k];
+                X(0, 4) X(1, 5) X(2, 6) X(3, 7) X(0, 2) X(1, 3) X(4, 6) X(5, 7) X(0, 1) X(2, 3) X(4, 5) X(6, 7)
+                UNROLL for (int k = 0; k < ROWS; ++k) all[part + k] = rows[k];
+            }
         }
 }
 
@@ -93,14 +91,19 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
         if (size > RUN_MAX) sort_digits(fragments + from, scratch + from, size);
     }
     for (uint first = 0; first < deepest; first += RUN_MAX) {
-        VECTOR(ulong) rows[RUN_MAX];
-        uint row_count = MIN(deepest - first, (uint)RUN_MAX);
-        load_rows(fragments, begin, step, count, first, (row_count + 7) / 8 * 8, rows);
-        if (first == 0) sort_rows(rows, row_count);
-        for (uint row = 0; row < row_count && is_seen(resolved->alpha); row += FETCH_ROWS) {
-            Colors source[FETCH_ROWS];
-            uint fetched = MIN(row_count - row, (uint)FETCH_ROWS);
-            fetch_colors(rows + row, fetched, colors, source);
+        VECTOR(ulong) all[RUN_MAX];
+        uint row_count = (MIN(deepest - first, (uint)RUN_MAX) + ROWS - 1) / ROWS * ROWS;
+        for (uint row = 0; row < row_count; row += ROWS) {
+            VECTOR(ulong) rows[ROWS];
+            load_rows(fragments, begin, step, count, first + row, rows);
+            if (first == 0) sort_eight(rows);
+            UNROLL for (int k = 0; k < ROWS; ++k) all[row + k] = rows[k];
+        }
+        if (first == 0) merge_rows(all, row_count);
+        for (uint row = 0; row < row_count && is_seen(resolved->alpha); row += ROWS) {
+            Colors source[ROWS];
+            uint fetched = MIN(deepest - first - row, (uint)ROWS);
+            fetch_colors(all + row, fetched, colors, source);
             for (uint k = 0; k < fetched; ++k) blend_under(resolved, source + k);
         }
     }

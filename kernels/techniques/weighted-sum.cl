@@ -12,13 +12,13 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     uint deepest = 0;
     for (int k = 0; k < STRIP; ++k) deepest = MAX(deepest, ((const uint *)&count)[k]);
     resolved->alpha = (VECTOR(float))(0.0f);
-    for (uint first = 0; first < deepest; first += FETCH_ROWS) {
-        VECTOR(ulong) rows[FETCH_ROWS];
-        Colors source[FETCH_ROWS];
-        uint row_count = MIN(deepest - first, (uint)FETCH_ROWS);
-        load_rows(fragments, begin, step, count, first, row_count, rows);
-        fetch_colors(rows, row_count, colors, source);
-        for (uint k = 0; k < row_count; ++k) blend_add(resolved, source + k);
+    for (uint first = 0; first < deepest; first += ROWS) {
+        VECTOR(ulong) rows[ROWS];
+        Colors source[ROWS];
+        load_rows(fragments, begin, step, count, first, rows);
+        uint fetched = MIN(deepest - first, (uint)ROWS);
+        fetch_colors(rows, fetched, colors, source);
+        for (uint k = 0; k < fetched; ++k) blend_add(resolved, source + k);
     }
     resolved->alpha = 1.0f - resolved->alpha;
 }
