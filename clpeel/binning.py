@@ -68,7 +68,7 @@ class Tiles:
         starts = np.zeros(len(tile_pairs) + 1, np.int64)
         np.cumsum(tile_pairs, out=starts[1:])
         pair_start = self.gpu.put("pair_start", starts.astype(np.uint32))
-        pairs = self.gpu.buffer("pairs", (int(starts[-1]) + self.chunk_count * PADDING) * PAIR_BYTES)
+        pairs = self.gpu.buffer("pairs", (int(starts[-1]) + (1 + self.chunk_count) * PADDING) * PAIR_BYTES)
         kernel = program(self.gpu, "stages.cl", self.triangles.features)["bin_emit"]
         launch(
             self.gpu,

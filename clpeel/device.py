@@ -26,7 +26,7 @@ CPU_LANES, GPU_LANES = 1, 64
 ALLOWED_LANES = (1, 16, 32, 64, 128)
 
 DEFAULT_MEMORY_SHARE = 4
-"""Without --memory a render may use this fraction (1 / n) of the device's memory."""
+"""Without --memory a render may use this fraction (1 / n) of what a scene leaves of the device's memory."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,9 @@ class Gpu:
         self.sent.clear()  # the queue is in order: what was sent before has arrived
         return array
 
-    @property
-    def default_memory(self) -> int:
-        """Bytes a render may use unless told."""
-        return int(self.device.global_mem_size) // DEFAULT_MEMORY_SHARE
+    def default_budget(self, held: int) -> int:
+        """Bytes a render may use, unless told, where its scene takes `held`."""
+        return (int(self.device.global_mem_size) - held) // DEFAULT_MEMORY_SHARE
 
 
 def list_devices() -> list[DeviceInfo]:

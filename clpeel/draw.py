@@ -10,7 +10,7 @@ import numpy as np
 
 from clpeel.binning import Batch
 from clpeel.device import Gpu
-from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, FRAGMENT_PADDING, RUN_MAX, TILE_PIXELS
+from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, FRAGMENT_PADDING, LIST_GAP, RUN_MAX, TILE_PIXELS
 from clpeel.program import launch, program
 from clpeel.projection import Triangles
 from clpeel.raster import too_deep, walk_arguments
@@ -108,8 +108,8 @@ def draw_once(
                 report(batch.first_tile + tile)
         totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32)
         layers_max = int(totals[:, 1].max())
-        if layers_max <= slab:
+        if layers_max + LIST_GAP <= slab:
             return Drawn(int(totals[:, 0].sum(dtype=np.int64)), layers_max)
-        if layers_max > capacity:
-            raise too_deep(layers_max, capacity)
-        layers_before, slab = slab, min(BLOCK_PIXELS * layers_max, capacity)
+        if layers_max + LIST_GAP > capacity:
+            raise too_deep(layers_max, capacity - LIST_GAP)
+        layers_before, slab = slab - LIST_GAP, min(BLOCK_PIXELS * (layers_max + LIST_GAP), capacity)

@@ -42,6 +42,10 @@ FRAGMENT_PADDING = 16
 """Fragments that a slab has room for beyond its last: up to seven are read with others (shading.h), and slabs begin
 where rows of 16 may."""
 
+LIST_GAP = 8
+"""Fragments that a pixel's list has room for beyond its last: lists of equal length would fall on the same places of a
+cache (draw.h)."""
+
 COLOR_BYTES = 16
 """A colour of four floats: a fragment's own where it varies over a face."""
 

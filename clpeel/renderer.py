@@ -112,7 +112,7 @@ class Renderer:
         `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, or None for straight alpha. lighting: "none"
         (colours as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged, for smooth edges. memory:
         bytes, or text such as "512M", that the scene and all buffers but the picture may take on the device; by default
-        a quarter of what it has. keep_color: whether the result has `color`. progress: called with the share done
+        the scene and a quarter of what it leaves. keep_color: whether the result has `color`. progress: called with the share done
         (0..1) and a text. options: those that the technique has besides (its `options`). Raises InputError on any of
         these that cannot be.
         """
@@ -126,7 +126,7 @@ class Renderer:
         over = checked_background(background)
         side = checked_samples(samples, size)
         check_picture_fits(size, keep_color)
-        limit = gpu.default_memory if memory is None else parse_memory(memory)
+        limit = None if memory is None else parse_memory(memory)
         if camera is None:
             camera = Camera.frame(self.scene, aspect=size[0] / size[1])
         report = progress or (lambda done, text: None)
@@ -136,7 +136,8 @@ class Renderer:
 
         report(0.0, "projecting")
         triangles = project(gpu, on_device, camera, (size[0] * side, size[1] * side), lighting != "none")
-        budget = max(limit - on_device.nbytes - triangles.nbytes, MIN_MEMORY)
+        held = on_device.nbytes + triangles.nbytes
+        budget = max(gpu.default_budget(held) if limit is None else limit - held, MIN_MEMORY)
         batch_budget = budget // BATCH_SHARE
         largest = int(gpu.device.max_mem_alloc_size)
         tiles = bin_triangles(gpu, triangles, batch_budget)

@@ -90,7 +90,7 @@ kernel void bin_emit(global const Triangle *triangles, global const ushort4 *bou
 {
     uint chunk = get_global_id(0);
     uint first = chunk * chunk_records, last = MIN(first + chunk_records, record_count);
-    uint nowhere = pair_start[last_tile - first_tile + 1] + chunk * PADDING;
+    uint nowhere = (pair_start[last_tile - first_tile + 1] / PADDING + 1 + chunk) * PADDING;
     global uint *mine = counts + (size_t)chunk * COUNTS_APART;
     for (uint tile = first_tile; tile <= last_tile; ++tile) mine[tile] += pair_start[tile - first_tile];
     FOR_EACH_PAIR(

@@ -38,7 +38,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  global float4 *color)
 {
     local Colors layer[TILE_PIXELS / STRIP];
-    local uint ends[TILE_PIXELS] __attribute__((aligned(64)));  // inclusive prefix sum of the lists' lengths
+    local uint ends[TILE_PIXELS] __attribute__((aligned(64)));  // inclusive prefix sum of the lists' room
     local uint taken, total, deepest;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     uint lane = get_local_id(0), held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
@@ -87,7 +87,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                     VECTOR(uint) end = *(local const VECTOR(uint) *)(ends + p);
                     for (int k = 0; k < STRIP; ++k) ((uint *)&begin)[k] = p + k ? ends[p + k - 1] : 0;
                     here = pixel >= (VECTOR(uint))(first) && pixel <= (VECTOR(uint))(last) && end != begin;
-                    count = here ? end - begin : (VECTOR(uint))(0);
+                    count = here ? end - begin - LIST_GAP : (VECTOR(uint))(0);
                     begin -= start;
                 } else {
                     begin = (VECTOR(uint))(strip * layout.strip_room) + (VECTOR(uint))(IOTA);
@@ -95,7 +95,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                     uint layers = largest(count);
                     for (int k = 0; k < STRIP; ++k) sum += ((const uint *)&count)[k];
                     most = MAX(most, layers);
-                    *(local VECTOR(uint) *)(ends + p) = layers > held ? count : (VECTOR(uint))(0);
+                    VECTOR(int) listed = count > (VECTOR(uint))(0) && (VECTOR(int))(layers > held ? -1 : 0);
+                    *(local VECTOR(uint) *)(ends + p) = listed ? count + LIST_GAP : (VECTOR(uint))(0);
                     if (layers > held) count = (VECTOR(uint))(0);
                 }
                 Colors resolved = clear;
@@ -111,7 +112,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 atomic_add(&total, sum);
                 atomic_max(&deepest, most);
                 barrier(CLK_LOCAL_MEM_FENCE);
-                if (deepest > held && deepest <= slab) first = 0, lists = true;
+                if (deepest > held && deepest + LIST_GAP <= slab) first = 0, lists = true;
                 if (lane == 0) {
                     tile_totals[tile] = (uint2)(total, deepest);
                     for (uint p = 1; lists && p < TILE_PIXELS; ++p) ends[p] += ends[p - 1];
@@ -121,7 +122,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         }
         barrier(CLK_LOCAL_MEM_FENCE);
         if (empty && lane == 0) tile_totals[tile] = (uint2)(0);
-        if (wanted && deepest <= slab) {
+        if (wanted && deepest + LIST_GAP <= slab) {
             uint beyond = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
                                          blue, has_background, keep_color, image, color);
             if (beyond) atomic_add(clamped, beyond);

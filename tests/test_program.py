@@ -60,11 +60,11 @@ def test_every_build_is_free_of_warnings(path, lanes, packed, rate):
 def test_launches_are_by_name():
     gpu = open_device()
     kernel = program(gpu, "stages.cl", FEATURES)["bin_offsets"]
-    assert kernel.names == ("chunk_count", "tile_count", "counts", "tile_pairs")
+    assert kernel.names == ("chunk_count", "columns", "tile_count", "counts", "tile_pairs")
     with pytest.raises(TypeError, match="tile_pairs"):
-        launch(gpu, "x", kernel, 1, chunk_count=1, tile_count=1, counts=None)
+        launch(gpu, "x", kernel, 1, chunk_count=1, columns=1, tile_count=1, counts=None)
     with pytest.raises(TypeError, match="surplus"):
-        launch(gpu, "x", kernel, 1, chunk_count=1, tile_count=1, counts=None, tile_pairs=None, surplus=1)
+        launch(gpu, "x", kernel, 1, chunk_count=1, columns=1, tile_count=1, counts=None, tile_pairs=None, surplus=1)
     assert program(gpu, "stages.cl", FEATURES)["bin_offsets"] is kernel
 
 
@@ -73,7 +73,7 @@ def test_time_is_booked_by_stage_and_kernel():
     kernel = program(gpu, "stages.cl", FEATURES)["bin_offsets"]
     buffer = gpu.buffer("x", 4 * GROUP)
     for stage in ("one", "two", "two"):
-        launch(gpu, stage, kernel, GROUP, chunk_count=0, tile_count=0, counts=buffer, tile_pairs=buffer)
+        launch(gpu, stage, kernel, GROUP, chunk_count=0, columns=1, tile_count=0, counts=buffer, tile_pairs=buffer)
     launch(gpu, "nothing", kernel, 0)
     stages, kernels = device_seconds(gpu)
     assert stages.keys() == {"one", "two"} and kernels.keys() == {"bin_offsets"}

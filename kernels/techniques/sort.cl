@@ -42,20 +42,25 @@ INLINE void merge_rows(VECTOR(ulong) *all, uint count)
         }
 }
 
-// Sorts one pixel's fragments by the digits of their depth keys, the least first, between `list` and `spare`: as many steps
-// for each fragment, however many there are. Digits that all have in common are passed over.
+// Sorts one pixel's fragments by their depth keys' digits, the least first, between `list` and `spare`: as many steps for each
+// fragment, however many there are. Digits of what keys are more than the least: often one fewer than keys have.
 static void sort_digits(global ulong *list, global ulong *spare, uint count)
 {
+    ulong least = ~0ul, most = 0;
+    PLAIN_LOOP for (uint k = 0; k < count; ++k) least = MIN(least, list[k]), most = MAX(most, list[k]);
+    least &= 0xFFFFFFFF00000000ul;
+    int digits = 0;
+    while (digits < 4 && (most - least) >> (32 + 8 * digits)) ++digits;
     uint place[4][256];
     for (uint k = 0; k < 4 * 256; ++k) place[0][k] = 0;
     PLAIN_LOOP for (uint k = 0; k < count; ++k) {
-        uint key = (uint)(list[k] >> 32);
-        ++place[0][key & 255], ++place[1][key >> 8 & 255], ++place[2][key >> 16 & 255], ++place[3][key >> 24];
+        uint key = (uint)((list[k] - least) >> 32);
+        ++place[0][key & 255], ++place[1][key >> 8 & 255], ++place[2][key >> 16 & 255];
+        if (digits == 4) ++place[3][key >> 24];
     }
     global ulong *from = list, *to = spare;
-    PLAIN_LOOP for (int digit = 0; digit < 4; ++digit) {
+    PLAIN_LOOP for (int digit = 0; digit < digits; ++digit) {
         int shift = 32 + 8 * digit;
-        if (place[digit][from[0] >> shift & 255] == count) continue;
         uint sum = 0;
         PLAIN_LOOP for (int k = 0; k < 256; ++k) {
             uint size = place[digit][k];
@@ -64,7 +69,7 @@ static void sort_digits(global ulong *list, global ulong *spare, uint count)
         }
         PLAIN_LOOP for (uint k = 0; k < count; ++k) {
             ulong fragment = from[k];
-            to[place[digit][fragment >> shift & 255]++] = fragment;
+            to[place[digit][((fragment - least) >> shift) & 255]++] = fragment;
         }
         global ulong *swap = from;
         from = to, to = swap;
