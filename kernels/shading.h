@@ -21,10 +21,12 @@ INLINE float4 palette_color(global const void *palette, uint index)
 #endif
 }
 
+// Eight fragments, wherever they are in memory.
+typedef ulong8 Octet __attribute__((aligned(8)));
+
 #if STRIP == 16
 // Eight of eight pixels at once, lists to rows: a transposition in three steps, of halves, quarters and pairs. It reads up to
 // seven places beyond a list, which are there (FRAGMENT_PADDING), and does not look at them.
-typedef ulong8 Octet __attribute__((aligned(8)));
 #define TURN_1(a, b)                                                                                            \
     {                                                                                                           \
         ulong8 low = (ulong8)(a.s0, b.s0, a.s2, b.s2, a.s4, b.s4, a.s6, b.s6);                                  \

@@ -46,8 +46,16 @@ INLINE void merge_rows(VECTOR(ulong) *all, uint count)
 // fragment, however many there are. Digits of what keys are more than the least: often one fewer than keys have.
 static void sort_digits(global ulong *list, global ulong *spare, uint count)
 {
-    ulong least = ~0ul, most = 0;
-    PLAIN_LOOP for (uint k = 0; k < count; ++k) least = MIN(least, list[k]), most = MAX(most, list[k]);
+    ulong8 low = list[0], high = low;
+    PLAIN_LOOP for (uint k = 0; k + 8 <= count; k += 8) {
+        ulong8 some = *(global const Octet *)(list + k);
+        low = MIN(low, some), high = MAX(high, some);
+    }
+    ulong least = list[count - 1], most = least;
+    for (int k = 0; k < 8; ++k) {
+        ulong one = list[count - 1 - MIN((uint)k, count - 1)];
+        least = MIN(least, MIN(((const ulong *)&low)[k], one)), most = MAX(most, MAX(((const ulong *)&high)[k], one));
+    }
     least &= 0xFFFFFFFF00000000ul;
     int digits = 0;
     while (digits < 4 && (most - least) >> (32 + 8 * digits)) ++digits;
@@ -75,7 +83,7 @@ static void sort_digits(global ulong *list, global ulong *spare, uint count)
         from = to, to = swap;
     }
     if (from != list)
-        PLAIN_LOOP for (uint k = 0; k < count; ++k) list[k] = from[k];
+        PLAIN_LOOP for (uint k = 0; k < count; k += 8) *(global Octet *)(list + k) = *(global const Octet *)(from + k);
 }
 
 // Whether any pixel lets something through.
