@@ -43,8 +43,8 @@ FRAGMENT_PADDING = 16
 where rows of 16 may."""
 
 LIST_GAP = 8
-"""Fragments that a pixel's list has room for beyond its last, where the last eight are moved at once (sort.cl); besides,
-lists of equal length would fall on the same places of a cache."""
+"""Fragments that a pixel's list has room for beyond its last: they are moved eight at a time (sort.cl), and lists of
+equal length would fall on the same places of a cache."""
 
 COLOR_BYTES = 16
 """A colour of four floats: a fragment's own where it varies over a face."""

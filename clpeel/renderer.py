@@ -112,9 +112,9 @@ class Renderer:
         `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, or None for straight alpha. lighting: "none"
         (colours as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged, for smooth edges. memory:
         bytes, or text such as "512M", that the scene and all buffers but the picture may take on the device; by default
-        the scene and a quarter of what it leaves. keep_color: whether the result has `color`. progress: called with the share done
-        (0..1) and a text. options: those that the technique has besides (its `options`). Raises InputError on any of
-        these that cannot be.
+        the scene and a quarter of what it leaves. keep_color: whether the result has `color`. progress: called with
+        the share done (0..1) and a text. options: those that the technique has besides (its `options`). Raises
+        InputError on any of these that cannot be.
         """
         started = time.perf_counter()
         gpu = self.gpu
