@@ -17,21 +17,9 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
     VECTOR(uint) counts[STRIPS_A_LANE];
     for (int own = 0; own < STRIPS_A_LANE; ++own) counts[own] = (VECTOR(uint))(0);
 
-    for (uint at = pair_start[tile], end = pair_start[tile + 1]; at < end; at += WIDE) {
-        Walks walks;
-        uint ready = ready_walks(triangles, pairs, at, end, x, y, tile_x, tile_y, &walks);
-        for (uint n = 0; n < ready; ++n) {
-            Walk w;
-            walk_of(&walks, n, &w);
-            FOR_EACH_BLOCK(blocks_met(&walks, n, &w, lane)) {
-                int block = LOWEST_BIT(left);
-                VECTOR(float) weight[3];
-                VECTOR(int) covered = cover(&w, block, weight);
-                if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
-                counts[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
-            }
-        }
-    }
+    VISITS((1u << TILE_BLOCKS) - 1)
+    counts[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
+    END_VISITS
 
     for (int own = 0; own < STRIPS_A_LANE; ++own)
         *(local VECTOR(uint) *)(prefix + (own * LANES + lane) * STRIP) = counts[own];

@@ -158,14 +158,48 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
     int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
     bool beyond = tile_x + TILE > width || tile_y + TILE > height;
 
-// Goes through blocks, a bit each: the next is the lowest bit of `left`.
-#define FOR_EACH_BLOCK(blocks) for (uint left = blocks; left; left &= left - 1)
+// Visits each of these blocks that a record of the tile may cover, record by record in submission order. Between VISITS and
+// END_VISITS there are `place`, the record's in the lists, the record `t`, `block`, and of the lane's strip of it which
+// samples are `covered`, and their barycentric `weight`s.
+#define VISITS(wanted)                                                                                          \
+    for (uint at = pair_start[tile], end = pair_start[tile + 1]; at < end; at += WIDE) {                        \
+        Walks walks;                                                                                            \
+        uint ready = ready_walks(triangles, pairs, at, end, x, y, tile_x, tile_y, &walks);                      \
+        for (uint n = 0; n < ready; ++n) {                                                                      \
+            if (!((uint)((const int *)&walks.blocks)[n] & (wanted) & LANE_BLOCKS)) continue;                    \
+            Walk w;                                                                                             \
+            walk_of(&walks, n, &w);                                                                             \
+            uint place = at + n;                                                                                \
+            global const Triangle *t = triangles + pairs[place];                                                \
+            for (uint left = blocks_met(&walks, n, &w, lane) & (wanted); left; left &= left - 1) {              \
+                int block = LOWEST_BIT(left);                                                                   \
+                VECTOR(float) weight[3];                                                                        \
+                VECTOR(int) covered = cover(&w, block, weight);                                                 \
+                if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
+#define END_VISITS                                                                                              \
+            }                                                                                                   \
+        }                                                                                                       \
+    }
+
+// The depth keys of a strip's samples: the record's plane there, within the exact triangle's own depths.
+INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight[3])
+{
+    VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
+    depth = MAX(depth, (VECTOR(float))(t->depth_min));
+    depth = MIN(depth, (VECTOR(float))(t->depth_max));
+    return DEPTH_KEY(VECTOR(uint), depth);
+}
 
 #if FRAGMENT_COLOR
-// Colour of one fragment: weights of the face's vertices, not yet divided by their sum.
-INLINE float4 shade(const float vertex_weight[3], uint source, global const uint *faces,
-                    global const void *palette, global const float *normals, float3 view_direction)
+// Colour of a record at a sample: its barycentric weights there.
+INLINE float4 shade(const float weight[3], uint record, uint source, global const uint *faces, global const void *palette,
+                    global const float *weights, global const float *normals, float3 view_direction)
 {
+    float vertex_weight[3];  // not yet divided by their sum
+    for (int j = 0; j < 3; ++j) {
+        vertex_weight[j] = 0.0f;
+        for (int c = 0; c < 3; ++c) vertex_weight[j] += weight[c] * weights[9 * record + 3 * c + j];
+    }
     // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
     float a = MAX(vertex_weight[0], 0.0f), b = MAX(vertex_weight[1], 0.0f), c = MAX(vertex_weight[2], 0.0f);
     float scale = 1.0f / (a + b + c);
@@ -201,52 +235,28 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
                       global float4 *colors)
 {
     ENTER_TILE
-    for (uint at = pair_start[tile], end = pair_start[tile + 1]; at < end; at += WIDE) {
-        Walks walks;
-        uint ready = ready_walks(triangles, pairs, at, end, x, y, tile_x, tile_y, &walks);
-        for (uint n = 0; n < ready; ++n) {
-            if (!((uint)((const int *)&walks.blocks)[n] & blocks & LANE_BLOCKS)) continue;
-            Walk w;
-            walk_of(&walks, n, &w);
-            global const Triangle *t = triangles + pairs[at + n];
-            FOR_EACH_BLOCK(blocks_met(&walks, n, &w, lane) & blocks) {
-                int block = LOWEST_BIT(left);
-                VECTOR(float) weight[3];
-                VECTOR(int) covered = cover(&w, block, weight);
-                if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
-                VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
-                depth = MAX(depth, (VECTOR(float))(t->depth_min));
-                depth = MIN(depth, (VECTOR(float))(t->depth_max));
-                VECTOR(ulong) value = CONVERT(ulong, STRIP, DEPTH_KEY(VECTOR(uint), depth)) << (VECTOR(ulong))(32);
-#if !FRAGMENT_COLOR
-                value |= (VECTOR(ulong))((ulong)t->source);
-#endif
-                VECTOR(uint) *places = next + OWN(block);
-                uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
+    VISITS(blocks)
+    VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+    VECTOR(uint) *places = next + OWN(block);
+    uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
 #if FRAGMENT_COLOR
-                for (uint bits = BITS_OF(covered); bits; bits &= bits - 1) {
-                    int k = LOWEST_BIT(bits);
-                    uint place = ((uint *)places)[k];
-                    ((uint *)places)[k] += layout->step;
-                    if (place >= layout->room) continue;
-                    place += strip_start;
-                    float vertex_weight[3];
-                    for (int j = 0; j < 3; ++j) {
-                        vertex_weight[j] = 0.0f;
-                        for (int c = 0; c < 3; ++c)
-                            vertex_weight[j] += ((const float *)&weight[c])[k] * weights[9 * pairs[at + n] + 3 * c + j];
-                    }
-                    colors[place] = shade(vertex_weight, t->source, faces, palette, normals, view);
-                    fragments[place] = ((const ulong *)&value)[k] | place;
-                }
-#else
-                VECTOR(uint) place = *places;
-                *places += PASTE(as_, VECTOR(uint))(covered) & layout->step;
-                scatter(fragments + strip_start, place, covered & (place < (VECTOR(uint))(layout->room)), value);
-#endif
-            }
-        }
+    for (uint bits = BITS_OF(covered); bits; bits &= bits - 1) {
+        int k = LOWEST_BIT(bits);
+        uint to = ((uint *)places)[k];
+        ((uint *)places)[k] += layout->step;
+        if (to >= layout->room) continue;
+        to += strip_start;
+        float at_sample[3] = {((const float *)weight)[k], ((const float *)(weight + 1))[k], ((const float *)(weight + 2))[k]};
+        colors[to] = shade(at_sample, pairs[place], t->source, faces, palette, weights, normals, view);
+        fragments[to] = ((const ulong *)&value)[k] | to;
     }
+#else
+    VECTOR(uint) to = *places;
+    *places += PASTE(as_, VECTOR(uint))(covered) & layout->step;
+    value |= (VECTOR(ulong))((ulong)t->source);
+    scatter(fragments + strip_start, to, covered & (to < (VECTOR(uint))(layout->room)), value);
+#endif
+    END_VISITS
 }
 
 #endif
