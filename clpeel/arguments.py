@@ -246,7 +246,9 @@ def _add_picture_options(parser: argparse.ArgumentParser, output: str, resolutio
     group = parser.add_argument_group("method")
     add = group.add_argument
     add("--technique", default="sort", metavar="NAME", help="default: sort, exact; 'help' lists them")
-    add("--passes", type=_count, metavar="N", help="stop after so many, where the technique makes passes")
+    add("--passes", type=_count, metavar="N", help="peel so many times and stop, where the technique peels")
+    add("--no-occlusion-query", action="store_true", help="make all --passes, whether they find anything or not")
+    add("--coincident", metavar="keep|paper", help="of equal depths keep all fragments, or the first alone")
     add("--layers", type=_count, metavar="N", help="layers a pass, where the technique peels several")
     add(
         "--samples",

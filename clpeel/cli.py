@@ -224,7 +224,12 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         _say(f"{camera}")
 
     # Options of some techniques only: given to any, which refuses those that it does not have.
-    given = {"passes": options.passes, "layers_per_pass": options.layers}
+    given = {
+        "passes": options.passes,
+        "layers_per_pass": options.layers,
+        "occlusion_query": False if options.no_occlusion_query else None,
+        "coincident": options.coincident,
+    }
     try:
         progress(0.0, "rendering")
         result = clpeel.render(
@@ -271,7 +276,11 @@ def _warn(options: argparse.Namespace, stats: dict[str, Any]) -> None:
     if stats.get("discarded"):
         _say(f"note: {stats['discarded']:,} triangles with NaN or infinite vertices were left out")
     if stats.get("truncated_pixels"):
-        _say(f"note: {stats['truncated_pixels']:,} pixels have more layers than the passes could show")
+        unit = "samples" if stats["samples"] > 1 else "pixels"
+        _say(
+            f"note: {stats['truncated_pixels']:,} {unit} have more layers than the passes peeled; "
+            f"those change no channel by more than {stats['truncation_bound']:.3g} of 1"
+        )
 
 
 def _plain(value: Any) -> Any:

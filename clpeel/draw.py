@@ -11,7 +11,7 @@ import numpy as np
 from clpeel.binning import Batch
 from clpeel.device import Gpu
 from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, FRAGMENT_PADDING, LIST_GAP, RUN_MAX, TILE_PIXELS
-from clpeel.program import launch, program
+from clpeel.program import Kernel, launch, program
 from clpeel.projection import Triangles
 from clpeel.raster import too_deep, walk_arguments
 
@@ -33,10 +33,51 @@ Report = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Drawn:
-    """What a batch had: how many fragments, and how many in its deepest pixel."""
+    """What a batch had: fragments, those of its deepest pixel, and what the geometry passes over it found.
+
+    samples_passed: of each pass that was issued; truncated_pixels: those with layers that no pass reached, and hidden:
+    the greatest transmittance of these, which bounds what those layers could have changed in any channel.
+    """
 
     fragments: int
     layers_max: int
+    samples_passed: tuple[int, ...]
+    truncated_pixels: int = 0
+    hidden: float = 0.0
+
+
+def draw_tiles(
+    gpu: Gpu, stage: str, kernel: Kernel, groups: int, batch: Batch, report: Report | None, **arguments: Any
+) -> None:
+    """Launches a kernel whose groups take the batch's tiles, in parts where progress is to be reported.
+
+    report: called now and then with the picture's tile that it has come to.
+    """
+    done = np.cumsum(batch.tile_pairs)
+    tile = 0
+    while tile < batch.tiles:
+        part = REPORTED_PAIRS if report else int(done[-1]) + 1
+        stop = max(int(np.searchsorted(done, done[tile] + part)), tile + 1)
+        launch(
+            gpu,
+            stage,
+            kernel,
+            min(groups, stop - tile),
+            gpu.lanes,
+            next_tile=gpu.put("next_tile", np.array([tile], np.uint32)),
+            to_tile=stop,
+            **arguments,
+        )
+        tile = stop
+        if report:
+            gpu.queue.finish()
+            report(batch.first_tile + tile)
+
+
+def groups_for(gpu: Gpu, batch: Batch) -> int:
+    """Work-groups that take a batch's tiles: one for each compute unit where a lane has a tile to itself."""
+    units = int(gpu.device.max_compute_units)
+    return min(units if gpu.lanes == 1 else GROUPS_A_UNIT * units, batch.tiles)
 
 
 def draw_once(
@@ -58,15 +99,13 @@ def draw_once(
     """
     features = triangles.features
     stage, kernel = path.removesuffix(".cl").rpartition("/")[2], program(gpu, path, features)["draw"]
-    units = int(gpu.device.max_compute_units)
-    groups = min(units if gpu.lanes == 1 else GROUPS_A_UNIT * units, batch.tiles)
+    groups = groups_for(gpu, batch)
     most_layers = int(batch.tile_pairs.max())  # there cannot be more
     rows = min(
         max(CACHED_FRAGMENTS // (groups * TILE_PIXELS), LEAST_ROWS),
         MOST_ROWS,
         -(-most_layers // ROWS_APART) * ROWS_APART + 2,
     )
-    done = np.cumsum(batch.tile_pairs)
     tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
     capacity = capacity // BLOCK_PIXELS * BLOCK_PIXELS  # slabs begin where rows may
     layers_before, slab = 0, rows * TILE_PIXELS
@@ -81,35 +120,27 @@ def draw_once(
             "scratch": gpu.buffer("scratch", scratch * room) if scratch else None,
             "colors": gpu.buffer("colors", COLOR_BYTES * room) if features.fragment_color else None,
         }
-        tile = 0
-        while tile < batch.tiles:
-            part = REPORTED_PAIRS if report else int(done[-1]) + 1
-            stop = max(int(np.searchsorted(done, done[tile] + part)), tile + 1)
-            launch(
-                gpu,
-                stage,
-                kernel,
-                min(groups, stop - tile),
-                gpu.lanes,
-                **walk_arguments(triangles, batch),
-                **triangles.shading,
-                **target,
-                **buffers,
-                next_tile=gpu.put("next_tile", np.array([tile], np.uint32)),
-                to_tile=stop,
-                layers_before=layers_before,
-                rows=min(rows, slab // TILE_PIXELS),
-                slab=slab,
-                tile_totals=tile_totals,
-            )
-            tile = stop
-            if report:
-                gpu.queue.finish()
-                report(batch.first_tile + tile)
+        draw_tiles(
+            gpu,
+            stage,
+            kernel,
+            groups,
+            batch,
+            report,
+            **walk_arguments(triangles, batch),
+            **triangles.shading,
+            **target,
+            **buffers,
+            layers_before=layers_before,
+            rows=min(rows, slab // TILE_PIXELS),
+            slab=slab,
+            tile_totals=tile_totals,
+        )
         totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32)
         layers_max = int(totals[:, 1].max())
         if layers_max + LIST_GAP <= slab:
-            return Drawn(int(totals[:, 0].sum(dtype=np.int64)), layers_max)
+            fragments = int(totals[:, 0].sum(dtype=np.int64))
+            return Drawn(fragments, layers_max, (fragments,))
         if layers_max + LIST_GAP > capacity:
             raise too_deep(layers_max, capacity - LIST_GAP)
         layers_before, slab = slab - LIST_GAP, min(BLOCK_PIXELS * (layers_max + LIST_GAP), capacity)

@@ -42,6 +42,9 @@ FRAGMENT_PADDING = 16
 """Fragments that a slab has room for beyond its last: up to seven are read with others (shading.h), and slabs begin
 where rows of 16 may."""
 
+TILE_TOTALS = 5
+"""What peeling tells of a tile: fragments, layers, passes, truncated pixels, the greatest transmittance of those."""
+
 LIST_GAP = 8
 """Fragments that a pixel's list has room for beyond its last: they are moved eight at a time (sort.cl), and lists of
 equal length would fall on the same places of a cache."""

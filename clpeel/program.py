@@ -61,13 +61,13 @@ def source(path: str) -> str:
     return declarations() + expand(path)
 
 
-def program(gpu: Gpu, path: str, features: Features) -> dict[str, Kernel]:
-    """The kernels of a file, compiled for these features; compiled once for each `gpu`."""
-    key = path, features
+def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str, Kernel]:
+    """The kernels of a file, compiled for these features and other constants; compiled once for each `gpu`."""
+    key = path, features, *sorted(defines.items())
     if key not in gpu.programs:
         text = source(path)
         if key not in gpu.builds:
-            options = ["-cl-std=CL1.2", *features.options()]
+            options = ["-cl-std=CL1.2", *features.options(), *(f"-D{name}={value}" for name, value in defines.items())]
             if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
                 options.append(CORRECTLY_ROUNDED)
             with warnings.catch_warnings():

@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from clpeel.binning import BATCH_SHARE, bin_triangles
 from clpeel.camera import Camera
 from clpeel.composite import Picture
 from clpeel.device import Gpu, open_device
+from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.image import save_png
 from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE
@@ -42,9 +44,11 @@ class Result:
 
     image: uint8 [height, width, 4], row 0 on top: over the background, or straight alpha where there is none.
     color: float32 [height, width, 4], premultiplied, before the background.
-    stats: technique, passes, passes_issued, samples_passed, fragments, layers_max, triangles, clipped, discarded,
-    truncated_pixels, clamped_pixels (alphas that add up to more than 1), batches, seconds {stage: s} and kernel_seconds
-    {kernel: s} by the device's clock, bytes {buffer: n}, bytes_per_pixel, device.
+    stats: technique, passes (geometry passes as the papers count them), passes_issued (with the empty one that ends
+    them), samples_passed [of each], fragments, layers_max, triangles, clipped, discarded, truncated_pixels (with layers
+    that no pass reached; samples, where a pixel has several), truncation_bound (what those could have changed in any
+    channel, at most), clamped_pixels (alphas that add up to more than 1), batches, seconds {stage: s} and
+    kernel_seconds {kernel: s} by the device's clock, seconds_per_pass, bytes {buffer: n}, bytes_per_pixel, device.
     """
 
     image: NDArray[np.uint8]
@@ -149,14 +153,11 @@ class Renderer:
         )
         picture = self._picture(size, keep_color)
         target = picture.begin(side, over)
-        fragment_count = layers_max = batches = 0
+        found: list[Drawn] = []
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
         at_tile = None if progress is None else lambda tile: report(float(done_pairs[tile - 1]), "rendering")
         for batch in tiles.batches(min(batch_budget, largest)):
-            drawn = chosen.draw(gpu, triangles, batch, target, capacity, at_tile)
-            batches += 1
-            fragment_count += drawn.fragments
-            layers_max = max(layers_max, drawn.layers_max)
+            found.append(chosen.draw(gpu, triangles, batch, target, capacity, at_tile, **options))
         clamped_pixels = picture.finish()
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
@@ -166,22 +167,28 @@ class Renderer:
         seconds["total"] = total
         buffers = {name: int(held.size) for name, held in gpu.buffers.items()}
         pixels = size[0] * size[1]
+        samples_passed = [
+            sum(passed) for passed in zip_longest(*(drawn.samples_passed for drawn in found), fillvalue=0)
+        ]
+        issued = max(len(samples_passed), 1)
         stats: dict[str, Any] = {
             "technique": technique,
-            "passes": chosen.passes,
-            "passes_issued": chosen.passes,
-            "samples_passed": [fragment_count],
+            "passes": max(chosen.passes, sum(passed > 0 for passed in samples_passed)),
+            "passes_issued": issued,
+            "samples_passed": samples_passed,
             "size": list(size),
             "samples": samples,
             "triangles": triangles.faces,
             "clipped": triangles.clipped,
             "discarded": triangles.discarded,
-            "fragments": fragment_count,
-            "layers_max": layers_max,
-            "truncated_pixels": 0,
+            "fragments": sum(drawn.fragments for drawn in found),
+            "layers_max": max(drawn.layers_max for drawn in found),
+            "truncated_pixels": sum(drawn.truncated_pixels for drawn in found),
+            "truncation_bound": max(drawn.hidden for drawn in found),
             "clamped_pixels": clamped_pixels,
-            "batches": batches,
+            "batches": len(found),
             "seconds": seconds,
+            "seconds_per_pass": seconds.get(technique, 0.0) / issued,
             "kernel_seconds": kernel_seconds,
             "bytes": {"scene": on_device.nbytes, **buffers},
             "bytes_per_pixel": (on_device.nbytes + sum(buffers.values())) / pixels,

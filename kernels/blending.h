@@ -17,6 +17,17 @@ INLINE void blend_under(Colors *destination, const Colors *source)
     destination->alpha *= 1.0f - source->alpha;
 }
 
+// Over blending (Bavoil and Myers 2008, "Under Blending", its first equation), back to front:
+//   Cdst = Asrc Csrc + (1 - Asrc) Cdst,   and what is left of the light from behind: Tdst = (1 - Asrc) Tdst.
+INLINE void blend_over(Colors *destination, const Colors *source)
+{
+    VECTOR(float) through = 1.0f - source->alpha;
+    destination->red = source->alpha * source->red + through * destination->red;
+    destination->green = source->alpha * source->green + through * destination->green;
+    destination->blue = source->alpha * source->blue + through * destination->blue;
+    destination->alpha *= through;
+}
+
 // Additive blending, both factors one, of a source whose colour is premultiplied:
 //   Cdst = Cdst + Asrc Csrc,   Adst = Adst + Asrc.
 INLINE void blend_add(Colors *destination, const Colors *source)

@@ -141,6 +141,12 @@ INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int)
 #define LOWEST_BIT(bits) (31 - (int)clz((bits) & (0u - (bits))))
 #endif
 
+#if __has_builtin(__builtin_popcount)
+#define POPCOUNT(bits) (uint)__builtin_popcount(bits)
+#else
+#define POPCOUNT(bits) popcount(bits)
+#endif
+
 // --- depth ----------------------------------------------------------------------------------------------------------
 // Reversed depth (larger is nearer) to an unsigned key whose ascending order is front to back.
 // The usual monotone map of floats, complemented: -0.0 and negative values keep their place.

@@ -75,8 +75,7 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
                 if ((size_t)(color + at) % sizeof(row) == 0) STORE_LINE((global float16 *)(color + at), row);
                 else *(global RowColors *)(color + at) = row;
             }
-            uint bits_below = BITS_OF(below);
-            if (bits_below) clamped += popcount(bits_below);
+            clamped += POPCOUNT(BITS_OF(below));
             continue;
         }
 #endif

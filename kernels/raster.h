@@ -190,6 +190,17 @@ INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight
     return DEPTH_KEY(VECTOR(uint), depth);
 }
 
+// The barycentric weights of one sample: as VISITS has them, to the bit.
+INLINE void weights_at(global const Triangle *t, int x, int y, float weight[3])
+{
+    for (int k = 0; k < 3; ++k) {
+        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
+        int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least;
+        weight[k] = (float)(e >> SUBPIXEL_BITS) * (float)SUBPIXELS + (float)((int)(e & (SUBPIXELS - 1)) + least);
+    }
+}
+
 #if FRAGMENT_COLOR
 // Colour of a record at a sample: its barycentric weights there.
 INLINE float4 shade(const float weight[3], uint record, uint source, global const uint *faces, global const void *palette,

@@ -109,7 +109,8 @@ def test_help_is_ascii_and_names_every_option() -> None:
         "--output -o --resolution --opacity --color --background-color --no-background --unlit --camera-position "
         "--camera-focal-point --camera-view-up --camera-view-angle --camera-direction --camera-azimuth-angle "
         "--camera-elevation-angle --camera-zoom-factor --camera-orthographic --up --clipping-range --technique "
-        "--memory --device --lanes --samples --stats[=FILE.json] --verbose --quiet --no-progress"
+        "--passes --no-occlusion-query --coincident --layers --memory --device --lanes --samples --stats[=FILE.json] "
+        "--verbose --quiet --no-progress"
     ).split():
         assert option in text
 
@@ -588,3 +589,17 @@ def test_demo_renders(tmp_path: Path, capfd: Any) -> None:
     stats = json.loads((tmp_path / "stats.json").read_text())
     assert stats["layers_max"] >= 15
     assert stats["discarded"] == 0
+
+
+def test_peeling_less_than_there_is_says_what_that_hides(tmp_path: Path, capfd: Any) -> None:
+    given = ["-o", str(tmp_path / "out.png"), "--resolution=48,36", f"--stats={tmp_path / 'stats.json'}"]
+    assert cli.main(["demo", *given, "--technique=multi-layer-peeling", "--passes=2", "--layers=3"]) == 0
+    stats = json.loads((tmp_path / "stats.json").read_text())
+    assert (stats["passes"], stats["layers_max"]) == (2, 6)
+    note = re.search(
+        r"note: ([\d,]+) samples have more .* change no channel by more than (\S+) of 1", capfd.readouterr().err
+    )
+    assert note and int(note[1].replace(",", "")) == stats["truncated_pixels"] > 0
+    assert float(note[2]) == pytest.approx(stats["truncation_bound"], rel=0.01)
+    assert cli.main(["demo", *given, "--technique=depth-peeling", "--no-occlusion-query", "--coincident=paper"]) == 2
+    assert "occlusion_query: expected passes=N" in capfd.readouterr().err

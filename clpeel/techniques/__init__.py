@@ -7,27 +7,49 @@ from dataclasses import dataclass
 
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
-from clpeel.techniques import sort, weighted_sum
+from clpeel.techniques import depth_peeling, dual_depth_peeling, multi_layer_peeling, sort, weighted_sum
+
+PEELING = ("passes", "occlusion_query", "coincident")
+"""Options of all that peel (peel.py)."""
 
 
 @dataclass(frozen=True)
 class Technique:
     """How layers are found and blended.
 
-    draw: (gpu, triangles, batch, target, capacity, report) draws a batch of tiles with room for `capacity` fragments;
-    fragment_bytes: what it needs for each besides the fragment.
+    draw: (gpu, triangles, batch, target, capacity, report, **options) draws a batch of tiles with room for `capacity`
+    fragments; fragment_bytes: what it needs for each besides the fragment.
     """
 
     summary: str
     draw: Callable[..., Drawn]
     fragment_bytes: int
-    passes: int  # geometry passes, as the paper counts them
+    passes: (
+        int  # geometry passes at least, as the paper counts them; those that peel need more, the more layers there are
+    )
     exact: bool
     options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
 
 
 TECHNIQUES: dict[str, Technique] = {
     "sort": Technique(sort.SUMMARY, sort.draw, sort.SCRATCH_BYTES, passes=1, exact=True),
+    "depth-peeling": Technique(depth_peeling.SUMMARY, depth_peeling.draw, 0, passes=0, exact=True, options=PEELING),
+    "dual-depth-peeling": Technique(
+        dual_depth_peeling.SUMMARY,
+        dual_depth_peeling.draw,
+        0,
+        passes=dual_depth_peeling.FIRST_PASSES,
+        exact=True,
+        options=PEELING,
+    ),
+    "multi-layer-peeling": Technique(
+        multi_layer_peeling.SUMMARY,
+        multi_layer_peeling.draw,
+        0,
+        passes=0,
+        exact=True,
+        options=(*PEELING, "layers_per_pass"),
+    ),
     "weighted-sum": Technique(weighted_sum.SUMMARY, weighted_sum.draw, 0, passes=1, exact=False),
 }
 

@@ -1,0 +1,14 @@
+"""depth-peeling: the nearest layer beyond the one before, pass by pass (techniques/depth-peeling.cl).
+
+Everitt 2001; Bavoil and Myers 2008, "Depth Peeling": N layers take N geometry passes.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from clpeel.peel import peel
+
+SUMMARY = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
+
+draw = partial(peel, "techniques/depth-peeling.cl", 0)

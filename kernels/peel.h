@@ -1,0 +1,143 @@
+// Peeling: what a technique of several geometry passes is built into.
+//
+//   peel    a work-group takes tile after tile: pass after pass over the tile's records, and then composites the picture
+//
+// A pass goes over all triangles, as hardware does that knows nothing of their order. It is taken tile by tile: the buffers of
+// a tile's pixels stay in the lane's own memory, and a tile is done as soon as none of its samples passes any more, which is
+// what an occlusion query tells of the whole picture. Groups take the tiles as they come to them.
+//
+// The technique defines, before it includes this,
+//   PEELED                                  how many layers of a pixel a pass peels
+//   Buffers                                 what it keeps of a strip's pixels
+//   clear_buffers(buffers)
+//   begin_pass(buffers)
+//   pass_samples(buffers, covered, fragment, same_depth)   blends the fragments (raster.h) of a strip's covered samples
+//                                           into the depth buffers; returns those that passed
+//   peeled(buffers, i)                      the i-th layer that the pass has peeled, ABSENT where there is none
+//   blend_peeled(buffers, i, colors)        blends it into the colour buffers
+//   end_pass(buffers, same_depth)           returns where there is more to peel
+//   seen_through(buffers)                   the transmittance of what is peeled and lies in front of what is not
+//   merge(buffers, merged)                  the colour buffers to premultiplied colour and transmittance
+//
+// same_depth: 0, or ~0 in the lower half: fragments of equal depth are then one, the first submitted, as in the papers.
+#ifndef PEEL_H
+#define PEEL_H
+
+#include "composite.h"
+#include "raster.h"
+
+// The colours of a strip's fragments. Those that vary over a face are not kept: they are computed where a layer is blended,
+// and the payload says at which place in the lists the record is.
+INLINE void colors_of(VECTOR(ulong) fragment, int strip, int tile_x, int tile_y, int width, int height,
+                      global const Triangle *triangles, global const uint *pairs, global const uint *faces,
+                      global const void *palette, global const float *weights, global const float *normals, float3 view,
+                      Colors *colors)
+{
+#if FRAGMENT_COLOR
+    for (int k = 0; k < STRIP; ++k) {
+        float4 color = (float4)(0.0f);
+        uint payload = (uint)((const ulong *)&fragment)[k];
+        if (payload != (uint)ABSENT) {
+            int pixel = strip * STRIP + k, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
+            int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, width);
+            int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, height);
+            float weight[3];
+            global const Triangle *t = triangles + pairs[payload];
+            weights_at(t, x, y, weight);
+            color = shade(weight, pairs[payload], t->source, faces, palette, weights, normals, view);
+        }
+        ((float *)&colors->red)[k] = color.x, ((float *)&colors->green)[k] = color.y;
+        ((float *)&colors->blue)[k] = color.z, ((float *)&colors->alpha)[k] = color.w;
+    }
+#else
+    fetch_colors(&fragment, 1, palette, colors);
+#endif
+}
+
+// pass_totals: samples that passed in each pass, two words each.
+// tile_totals: of each tile, its fragments, the layers peeled of its deepest pixel, its passes, its truncated pixels, and the
+// greatest transmittance of those (a float's bits).
+kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+                 uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
+                 global const uint *faces, global const void *palette, global const float *weights,
+                 global const float *normals, float view_x, float view_y, float view_z, uint most_passes,
+                 int occlusion_query, int keep_coincident, volatile global uint *pass_totals, global uint *tile_totals,
+                 int side_bits, int picture_width, int picture_height, float red, float green,
+                 float blue, int has_background, int keep_color, volatile global uint *clamped, global uint *image,
+                 global float4 *color)
+{
+    local Colors layer[TILE_PIXELS / STRIP];
+    local uint taken, totals[TILE_TOTALS];
+    const ulong same_depth = keep_coincident ? 0 : 0xFFFFFFFFul;
+    const float3 view = (float3)(view_x, view_y, view_z);
+    for (;;) {
+        if (get_local_id(0) == 0) {
+            taken = atomic_inc(next_tile);
+            for (int k = 0; k < TILE_TOTALS; ++k) totals[k] = 0;
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        uint tile = taken;
+        if (tile >= to_tile) break;
+        ENTER_TILE
+        Buffers buffers[STRIPS_A_LANE];
+        VECTOR(int) more[STRIPS_A_LANE];
+        VECTOR(uint) layers[STRIPS_A_LANE];
+        for (int own = 0; own < STRIPS_A_LANE; ++own) {
+            clear_buffers(buffers + own);
+            more[own] = (VECTOR(int))(0), layers[own] = (VECTOR(uint))(0);
+        }
+        uint fragments = 0, pass = 0, passed = 1;
+        while (pass < most_passes && (passed || !occlusion_query)) {
+            passed = 0;
+            for (int own = 0; own < STRIPS_A_LANE; ++own) begin_pass(buffers + own);
+            VISITS((1u << TILE_BLOCKS) - 1)
+            VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+            fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
+            if (pass == 0) fragments += POPCOUNT(BITS_OF(covered));
+            passed += POPCOUNT(BITS_OF(pass_samples(buffers + OWN(block), covered, fragment, same_depth)));
+            END_VISITS
+            for (int own = 0; own < STRIPS_A_LANE && passed; ++own) {
+                for (int i = 0; i < PEELED; ++i) {
+                    Colors colors;
+                    VECTOR(ulong) fragment = peeled(buffers + own, i);
+                    VECTOR(int) found = CONVERT(int, STRIP, fragment != (VECTOR(ulong))(ABSENT));
+                    if (BITS_OF(found) == 0) continue;
+                    layers[own] -= PASTE(as_, VECTOR(uint))(found);
+                    colors_of(fragment, own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette,
+                              weights, normals, view, &colors);
+                    blend_peeled(buffers + own, i, &colors);
+                }
+                more[own] = end_pass(buffers + own, same_depth);
+            }
+            volatile global uint *total = pass_totals + 2 * pass++;
+            if (passed && atomic_add(total, passed) > ~passed) atomic_inc(total + 1);
+        }
+        uint truncated = 0, deepest = 0, hidden = 0;
+        for (int own = 0; own < STRIPS_A_LANE; ++own) {
+            Colors merged;
+            merge(buffers + own, &merged);
+            VECTOR(float) seen = seen_through(buffers + own);
+            for (int k = 0; k < STRIP; ++k) {
+                float through = ((const float *)&seen)[k];
+                deepest = MAX(deepest, ((const uint *)(layers + own))[k]);
+                if (!((const int *)(more + own))[k] || !(through > 0.0f)) continue;
+                ++truncated;
+                hidden = MAX(hidden, as_uint(through));
+            }
+            layer[own * LANES + lane] = merged;
+        }
+        atomic_add(totals, fragments);
+        atomic_max(totals + 1, deepest);
+        atomic_max(totals + 2, pass);
+        atomic_add(totals + 3, truncated);
+        atomic_max(totals + 4, hidden);
+        barrier(CLK_LOCAL_MEM_FENCE);
+        for (int k = lane; k < TILE_TOTALS; k += LANES) tile_totals[TILE_TOTALS * tile + k] = totals[k];
+        uint beyond_one = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
+                                         blue, has_background, keep_color, image, color);
+        if (beyond_one) atomic_add(clamped, beyond_one);
+        barrier(CLK_LOCAL_MEM_FENCE);
+    }
+}
+
+#endif
