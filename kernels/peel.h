@@ -10,7 +10,7 @@
 //   PEELED                                  how many layers of a pixel a pass peels
 //   Buffers                                 what it keeps of a strip's pixels
 //   clear_buffers(buffers)
-//   begin_pass(buffers)
+//   begin_pass(buffers)                     returns how many samples pass that need not be looked for
 //   pass_samples(buffers, covered, fragment, same_depth)   blends the fragments (raster.h) of a strip's covered samples
 //                                           into the depth buffers; returns those that passed
 //   peeled(buffers, i)                      the i-th layer that the pass has peeled, ABSENT where there is none
@@ -89,7 +89,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         uint fragments = 0, pass = 0, passed = 1;
         while (pass < most_passes && (passed || !occlusion_query)) {
             passed = 0;
-            for (int own = 0; own < STRIPS_A_LANE; ++own) begin_pass(buffers + own);
+            for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own);
             VISITS((1u << TILE_BLOCKS) - 1)
             VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
             fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));

@@ -7,48 +7,56 @@
 //
 // The first pass peels nothing: it finds the outermost layers. From then on two layers are peeled while the next two are
 // found, so that N layers take N / 2 + 1 passes, and (N + 1) / 2 + 1 where N is odd. Where both fronts meet, the fragment is
-// the front's. Depths are compared with those of coincident fragments told apart (raster.h), or alone, as in the paper.
+// the front's.
 #include "shading.h"
 
 #define PEELED 2
 
 typedef struct {
-    VECTOR(ulong) nearest, farthest, next_nearest, next_farthest, front_fragment, back_fragment;
+    VECTOR(ulong) nearest, farthest, next_nearest, next_farthest;
     Colors front, back;  // back.alpha is what the back layers let through
 } Buffers;
 
 INLINE void clear_buffers(Buffers *b)
 {
-    // All fragments lie between: none is 0 or the last number below ABSENT, as faces number fewer than 2^32 - 2.
+    // All fragments lie between: none is 0 or ABSENT.
     b->next_nearest = (VECTOR(ulong))(0), b->next_farthest = (VECTOR(ulong))(ABSENT);
     b->front.red = b->front.green = b->front.blue = (VECTOR(float))(0.0f);
     b->front.alpha = (VECTOR(float))(1.0f);
     b->back = b->front;
 }
 
-INLINE void begin_pass(Buffers *b)
+// Whether the pass before found a layer; else, and before the first, nearest is a number that no fragment is.
+INLINE VECTOR(int) has_front(const Buffers *b)
+{
+    return CONVERT(int, STRIP, (b->nearest != (VECTOR(ulong))(0)) & (b->nearest != (VECTOR(ulong))(ABSENT)));
+}
+INLINE VECTOR(int) has_back(const Buffers *b) { return has_front(b) & CONVERT(int, STRIP, b->nearest != b->farthest); }
+
+// The fragments at the window's depths are there, as the pass before found them: they pass, and need not be looked for.
+INLINE uint begin_pass(Buffers *b)
 {
     b->nearest = b->next_nearest, b->farthest = b->next_farthest;
     b->next_nearest = (VECTOR(ulong))(ABSENT), b->next_farthest = (VECTOR(ulong))(0);
-    b->front_fragment = b->back_fragment = (VECTOR(ulong))(ABSENT);
+    return POPCOUNT(BITS_OF(has_front(b))) + POPCOUNT(BITS_OF(has_back(b)));
 }
 
 INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, VECTOR(ulong) fragment, ulong same_depth)
 {
     VECTOR(ulong) least = b->nearest | (VECTOR(ulong))(same_depth), most = b->farthest & (VECTOR(ulong))(~same_depth);
-    VECTOR(int) front = covered & CONVERT(int, STRIP, (fragment | (VECTOR(ulong))(same_depth)) == least);
-    VECTOR(int) back = covered & ~front & CONVERT(int, STRIP, (fragment & (VECTOR(ulong))(~same_depth)) == most);
-    VECTOR(int) between = covered & CONVERT(int, STRIP, (fragment > least) & (fragment < most));
-    VECTOR(ulong) front_one = CONVERT(long, STRIP, front) ? fragment : (VECTOR(ulong))(ABSENT);
-    VECTOR(ulong) back_one = CONVERT(long, STRIP, back) ? fragment : (VECTOR(ulong))(ABSENT);
-    b->front_fragment = MIN(b->front_fragment, front_one), b->back_fragment = MIN(b->back_fragment, back_one);
-    VECTOR(ulong) nearer = CONVERT(long, STRIP, between) ? fragment : (VECTOR(ulong))(ABSENT);
-    VECTOR(ulong) farther = CONVERT(long, STRIP, between) ? fragment : (VECTOR(ulong))(0);
-    b->next_nearest = MIN(b->next_nearest, nearer), b->next_farthest = MAX(b->next_farthest, farther);
-    return front | back | between;
+    VECTOR(long) between = CONVERT(long, STRIP, covered) & (fragment > least) & (fragment < most);
+    // Of one depth the first submitted is the least; with the faces turned round it is the greatest.
+    VECTOR(ulong) turned = fragment ^ (VECTOR(ulong))(same_depth);
+    b->next_nearest = MIN(b->next_nearest, between ? fragment : (VECTOR(ulong))(ABSENT));
+    b->next_farthest = MAX(b->next_farthest, between ? turned : (VECTOR(ulong))(0));
+    return CONVERT(int, STRIP, between);
 }
 
-INLINE VECTOR(ulong) peeled(const Buffers *b, int i) { return i ? b->back_fragment : b->front_fragment; }
+INLINE VECTOR(ulong) peeled(const Buffers *b, int i)
+{
+    VECTOR(long) found = CONVERT(long, STRIP, i ? has_back(b) : has_front(b));
+    return found ? i ? b->farthest : b->nearest : (VECTOR(ulong))(ABSENT);
+}
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
 {
@@ -62,7 +70,7 @@ INLINE VECTOR(int) end_pass(Buffers *b, ulong same_depth)
     VECTOR(long) seen = CONVERT(long, STRIP, b->front.alpha > (VECTOR(float))(0.0f));
     VECTOR(long) left = (b->next_nearest != (VECTOR(ulong))(ABSENT)) & seen;
     b->next_nearest = left ? b->next_nearest : (VECTOR(ulong))(ABSENT);
-    b->next_farthest = left ? b->next_farthest : (VECTOR(ulong))(0);
+    b->next_farthest = left ? b->next_farthest ^ (VECTOR(ulong))(same_depth) : (VECTOR(ulong))(0);
     return CONVERT(int, STRIP, left);
 }
 

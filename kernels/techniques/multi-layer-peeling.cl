@@ -26,10 +26,11 @@ INLINE void clear_buffers(Buffers *b)
     b->color.alpha = (VECTOR(float))(1.0f);
 }
 
-INLINE void begin_pass(Buffers *b)
+INLINE uint begin_pass(Buffers *b)
 {
     for (int i = 0; i < LAYERS_A_PASS; ++i) b->slot[i] = (VECTOR(ulong))(ABSENT);
     b->more = (VECTOR(int))(0);
+    return 0;
 }
 
 INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, VECTOR(ulong) fragment, ulong same_depth)
@@ -39,7 +40,10 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, VECTOR(ulong) f
         for (int i = 0; i < LAYERS_A_PASS; ++i)  // the fragment's depth is in the buffer already
             passed &= CONVERT(int, STRIP, fragment >> (VECTOR(ulong))(32) != b->slot[i] >> (VECTOR(ulong))(32));
     VECTOR(ulong) inserted = CONVERT(long, STRIP, passed) ? fragment : (VECTOR(ulong))(ABSENT);
-    passed &= CONVERT(int, STRIP, fragment < b->slot[LAYERS_A_PASS - 1]);
+    VECTOR(int) behind = CONVERT(int, STRIP, fragment > b->slot[LAYERS_A_PASS - 1]);
+    b->more |= passed & behind;
+    passed &= ~behind;
+    if (LAYERS_A_PASS > 2 && BITS_OF(passed) == 0) return passed;
     for (int i = 0; i < LAYERS_A_PASS; ++i) {
         VECTOR(ulong) a = b->slot[i], nearer = MIN(a, inserted);
         b->slot[i] = nearer, inserted = a ^ inserted ^ nearer;
