@@ -3,8 +3,9 @@
 //   peel    a work-group takes tile after tile: pass after pass over the tile's records, and then composites the picture
 //
 // A pass goes over all triangles, as hardware does that knows nothing of their order. It is taken tile by tile: the buffers of
-// a tile's pixels stay in the lane's own memory, and a tile is done as soon as none of its samples passes any more, which is
-// what an occlusion query tells of the whole picture. Groups take the tiles as they come to them.
+// a tile's pixels stay in the lane's own memory, and a tile is done when none of its samples would pass any more, which is
+// what an occlusion query tells of the whole picture. The last pass, whose query finds nothing, is counted but not walked: the
+// buffers tell as much. Groups take the tiles as they come to them.
 //
 // The technique defines, before it includes this,
 //   PEELED                                  how many layers of a pixel a pass peels
@@ -86,9 +87,10 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             clear_buffers(buffers + own);
             more[own] = (VECTOR(int))(0), layers[own] = (VECTOR(uint))(0);
         }
-        uint fragments = 0, pass = 0, passed = 1;
-        while (pass < most_passes && (passed || !occlusion_query)) {
-            passed = 0;
+        uint fragments = 0, pass = 0, passed = 0;
+        bool left_over = true;
+        while (pass < most_passes && (left_over || !occlusion_query)) {
+            passed = 0, left_over = false;
             for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own);
             VISITS((1u << TILE_BLOCKS) - 1)
             VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
@@ -108,6 +110,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                     blend_peeled(buffers + own, i, &colors);
                 }
                 more[own] = end_pass(buffers + own, same_depth);
+                left_over |= BITS_OF(more[own]) != 0;
             }
             volatile global uint *total = pass_totals + 2 * pass++;
             if (passed && atomic_add(total, passed) > ~passed) atomic_inc(total + 1);
@@ -128,7 +131,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         }
         atomic_add(totals, fragments);
         atomic_max(totals + 1, deepest);
-        atomic_max(totals + 2, pass);
+        atomic_max(totals + 2, pass + (uint)(passed && !left_over && pass < most_passes));
         atomic_add(totals + 3, truncated);
         atomic_max(totals + 4, hidden);
         barrier(CLK_LOCAL_MEM_FENCE);

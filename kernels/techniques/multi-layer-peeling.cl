@@ -5,7 +5,8 @@
 //   z_near    what a fragment must be at least: the one beyond the last layer peeled
 //
 // One work-item owns a pixel, so that a fragment is inserted before the next one comes: nothing is lost to concurrent writes,
-// and a pass is never repeated.
+// and a pass is never repeated. (Loops over the slots are unrolled by name: PoCL 3.0's compiler gets one of three slots wrong,
+// with strips of fewer than 16 pixels, where it has the choice.)
 #include "shading.h"
 
 #ifndef LAYERS_A_PASS
@@ -28,7 +29,7 @@ INLINE void clear_buffers(Buffers *b)
 
 INLINE uint begin_pass(Buffers *b)
 {
-    for (int i = 0; i < LAYERS_A_PASS; ++i) b->slot[i] = (VECTOR(ulong))(ABSENT);
+    UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i) b->slot[i] = (VECTOR(ulong))(ABSENT);
     b->more = (VECTOR(int))(0);
     return 0;
 }
@@ -37,14 +38,14 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, VECTOR(ulong) f
 {
     VECTOR(int) passed = covered & CONVERT(int, STRIP, fragment >= b->z_near);
     if (same_depth)
-        for (int i = 0; i < LAYERS_A_PASS; ++i)  // the fragment's depth is in the buffer already
+        UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i)  // the fragment's depth is in the buffer already
             passed &= CONVERT(int, STRIP, fragment >> (VECTOR(ulong))(32) != b->slot[i] >> (VECTOR(ulong))(32));
     VECTOR(ulong) inserted = CONVERT(long, STRIP, passed) ? fragment : (VECTOR(ulong))(ABSENT);
     VECTOR(int) behind = CONVERT(int, STRIP, fragment > b->slot[LAYERS_A_PASS - 1]);
     b->more |= passed & behind;
     passed &= ~behind;
     if (LAYERS_A_PASS > 2 && BITS_OF(passed) == 0) return passed;
-    for (int i = 0; i < LAYERS_A_PASS; ++i) {
+    UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i) {
         VECTOR(ulong) a = b->slot[i], nearer = MIN(a, inserted);
         b->slot[i] = nearer, inserted = a ^ inserted ^ nearer;
     }
@@ -62,7 +63,7 @@ INLINE VECTOR(int) end_pass(Buffers *b, ulong same_depth)
     VECTOR(ulong) last = b->slot[LAYERS_A_PASS - 1];
     VECTOR(long) left = (last != (VECTOR(ulong))(ABSENT)) & CONVERT(long, STRIP, b->color.alpha > (VECTOR(float))(0.0f));
     b->z_near = left ? (last | (VECTOR(ulong))(same_depth)) + (VECTOR(ulong))(1) : (VECTOR(ulong))(ABSENT);
-    return b->more;
+    return b->more & CONVERT(int, STRIP, left);
 }
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return b->color.alpha; }
