@@ -249,6 +249,7 @@ def _add_picture_options(parser: argparse.ArgumentParser, output: str, resolutio
     add("--passes", type=_count, metavar="N", help="peel so many times and stop, where the technique peels")
     add("--no-occlusion-query", action="store_true", help="make all --passes, whether they find anything or not")
     add("--coincident", metavar="keep|paper", help="of equal depths keep all fragments, or the first alone")
+    add("--precision", metavar="float32|half", help="of the sums, where the technique sums without sorting")
     add("--layers", type=_count, metavar="N", help="layers a pass, where the technique peels several")
     add(
         "--samples",

@@ -229,6 +229,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         "layers_per_pass": options.layers,
         "occlusion_query": False if options.no_occlusion_query else None,
         "coincident": options.coincident,
+        "precision": options.precision,
     }
     try:
         progress(0.0, "rendering")

@@ -89,16 +89,17 @@ def draw_once(
     target: dict[str, Any],
     capacity: int,
     report: Report | None = None,
+    **defines: int,
 ) -> Drawn:
     """Draws the batch with the technique in the kernel file `path`, with room for `capacity` fragments.
 
     target: the picture, as Picture.begin gives it.
     scratch_bytes: what the technique needs besides for each fragment where a pixel may have more than RUN_MAX.
-    report: called now and then with the picture's tile that it has come to.
+    report: called now and then with the picture's tile that it has come to. defines: constants of the kernel.
     Raises InputError when a single pixel has more fragments than that.
     """
     features = triangles.features
-    stage, kernel = path.removesuffix(".cl").rpartition("/")[2], program(gpu, path, features)["draw"]
+    stage, kernel = path.removesuffix(".cl").rpartition("/")[2], program(gpu, path, features, **defines)["draw"]
     groups = groups_for(gpu, batch)
     most_layers = int(batch.tile_pairs.max())  # there cannot be more
     rows = min(

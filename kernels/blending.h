@@ -4,6 +4,10 @@
 
 #include "common.h"
 
+#ifndef HALF_SUMS
+#define HALF_SUMS 0
+#endif
+
 // Colours side by side, a pixel an element. As what is blended into, `alpha` is the transmittance that is left.
 typedef struct { VECTOR(float) red, green, blue, alpha; } Colors;
 
@@ -28,14 +32,31 @@ INLINE void blend_over(Colors *destination, const Colors *source)
     destination->alpha *= through;
 }
 
+// What a buffer of 16-bit floats keeps of a number that is not negative: the nearest, halves to even; beyond 65504 infinity.
+INLINE VECTOR(float) to_half(VECTOR(float) value)
+{
+    VECTOR(uint) bits = PASTE(as_, VECTOR(uint))(value);
+    VECTOR(uint) even = (bits + (VECTOR(uint))(0xFFF) + (bits >> (VECTOR(uint))(13) & (VECTOR(uint))(1))) & (VECTOR(uint))(~0x1FFFu);
+    VECTOR(float) rounded = PASTE(as_, VECTOR(float))(even);
+    rounded = rounded >= (VECTOR(float))(65536.0f) ? (VECTOR(float))(INFINITY) : rounded;
+    // Below 2^-14 they lie 2^-24 apart, as floats do from 0.5 on.
+    return value < (VECTOR(float))(0x1p-14f) ? (value + 0.5f) - 0.5f : rounded;
+}
+
 // Additive blending, both factors one, of a source whose colour is premultiplied:
-//   Cdst = Cdst + Asrc Csrc,   Adst = Adst + Asrc.
+//   Cdst = Cdst + Asrc Csrc,   Adst = Adst + Asrc
+// into a buffer of floats, or, with HALF_SUMS, of 16-bit floats, rounded at each sum.
+#if HALF_SUMS
+#define KEPT(sum) to_half(sum)
+#else
+#define KEPT(sum) (sum)
+#endif
 INLINE void blend_add(Colors *destination, const Colors *source)
 {
-    destination->red += source->alpha * source->red;
-    destination->green += source->alpha * source->green;
-    destination->blue += source->alpha * source->blue;
-    destination->alpha += source->alpha;
+    destination->red = KEPT(destination->red + source->alpha * source->red);
+    destination->green = KEPT(destination->green + source->alpha * source->green);
+    destination->blue = KEPT(destination->blue + source->alpha * source->blue);
+    destination->alpha = KEPT(destination->alpha + source->alpha);
 }
 
 #endif

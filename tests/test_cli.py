@@ -109,8 +109,8 @@ def test_help_is_ascii_and_names_every_option() -> None:
         "--output -o --resolution --opacity --color --background-color --no-background --unlit --camera-position "
         "--camera-focal-point --camera-view-up --camera-view-angle --camera-direction --camera-azimuth-angle "
         "--camera-elevation-angle --camera-zoom-factor --camera-orthographic --up --clipping-range --technique "
-        "--passes --no-occlusion-query --coincident --layers --memory --device --lanes --samples --stats[=FILE.json] "
-        "--verbose --quiet --no-progress"
+        "--passes --no-occlusion-query --coincident --precision --layers --memory --device --lanes --samples "
+        "--stats[=FILE.json] --verbose --quiet --no-progress"
     ).split():
         assert option in text
 

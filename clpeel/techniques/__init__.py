@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
-from clpeel.techniques import depth_peeling, dual_depth_peeling, multi_layer_peeling, sort, weighted_sum
+from clpeel.techniques import (
+    depth_peeling,
+    dual_depth_peeling,
+    multi_layer_peeling,
+    sort,
+    weighted_average,
+    weighted_sum,
+)
 
 PEELING = ("passes", "occlusion_query", "coincident")
 """Options of all that peel (peel.py)."""
@@ -50,7 +57,12 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=(*PEELING, "layers_per_pass"),
     ),
-    "weighted-sum": Technique(weighted_sum.SUMMARY, weighted_sum.draw, 0, passes=1, exact=False),
+    "weighted-average": Technique(
+        weighted_average.SUMMARY, weighted_average.draw, 0, passes=1, exact=False, options=("precision",)
+    ),
+    "weighted-sum": Technique(
+        weighted_sum.SUMMARY, weighted_sum.draw, 0, passes=1, exact=False, options=("precision",)
+    ),
 }
 
 

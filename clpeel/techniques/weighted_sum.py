@@ -1,14 +1,26 @@
 """weighted-sum: one pass over the fragments in the order they come (techniques/weighted-sum.cl).
 
-C = sum(Ai Ci) + C0 (1 - sum(Ai)), float32, in submission order (Meshkin 2007; Bavoil and Myers 2008, "Weighted Sum").
+C = sum(Ai Ci) + C0 (1 - sum(Ai)), in submission order (Meshkin 2007; Bavoil and Myers 2008, "Weighted Sum").
 """
 
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
-from clpeel.draw import draw_once
+from clpeel.draw import Drawn, draw_once
+from clpeel.errors import InputError
 
 SUMMARY = "fast, not exact: adds up the colours times their alphas in any order; right where alphas are small"
+PRECISIONS = ("float32", "half")
+"""Of the buffers that sums are kept in: half is the papers', rounded to 16 bits at every sum."""
 
-draw = partial(draw_once, "techniques/weighted-sum.cl", 0)
+
+def draw_sums(path: str, *arguments: Any, precision: str = "float32") -> Drawn:
+    """Draws a batch by the kernel file `path`, with sums of that precision (PRECISIONS, else InputError)."""
+    if precision not in PRECISIONS:
+        raise InputError(f"precision: expected one of {', '.join(PRECISIONS)}; got {precision!r}")
+    return draw_once(path, 0, *arguments, HALF_SUMS=int(precision == "half"))
+
+
+draw = partial(draw_sums, "techniques/weighted-sum.cl")

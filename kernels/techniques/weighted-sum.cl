@@ -4,22 +4,12 @@
 //   C = sum(Ai Ci) + C0 (1 - sum(Ai))
 // It is the picture's first-order part: right where alphas are small. Where they sum to more than one, what is left of the
 // background is less than nothing (draw.h counts those pixels).
-#include "shading.h"
+#include "sums.h"
 
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
                           VECTOR(uint) count, global const void *colors, Colors *resolved)
 {
-    uint deepest = 0;
-    for (int k = 0; k < STRIP; ++k) deepest = MAX(deepest, ((const uint *)&count)[k]);
-    resolved->alpha = (VECTOR(float))(0.0f);
-    for (uint first = 0; first < deepest; first += ROWS) {
-        VECTOR(ulong) rows[ROWS];
-        Colors source[ROWS];
-        load_rows(fragments, begin, step, count, first, rows);
-        uint fetched = MIN(deepest - first, (uint)ROWS);
-        fetch_colors(rows, fetched, colors, source);
-        for (uint k = 0; k < fetched; ++k) blend_add(resolved, source + k);
-    }
+    add_up(fragments, begin, step, count, colors, resolved);
     resolved->alpha = 1.0f - resolved->alpha;
 }
 
