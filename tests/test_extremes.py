@@ -1,4 +1,7 @@
-"""Where such renderers break, and what is right: one test or more for each number of the list of extremes, for `sort`.
+"""Where such renderers break, and what is right: one test or more for each number of the list of extremes.
+
+All for `sort`; those of NUMBERS, where neither layers by the ten thousand nor memory are the point, for every exact
+technique.
 
 a, c, b: a layer's alpha and colour, the background. u = 2^-24 is the unit roundoff of float32. Where nothing else is
 said, `color` must be within the float32 bound of compositing N layers front to back: (3 N + 4) u at most, and tighter
@@ -9,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -22,6 +26,7 @@ from reference import UNIT
 from soups import AHEAD, BENCH, Eye, Soup
 
 import clpeel
+from clpeel.techniques import TECHNIQUES
 
 if TYPE_CHECKING:
     from conftest import Judge
@@ -29,11 +34,26 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
 ALPHAS = (1 / 255, 0.01, 0.5, 0.999)
+NUMBERS = {"03", "05", "06", "08", "09", "15", "17", "19", "21", "22", "26"}
+CHOSEN = {"technique": "sort"}
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    number = re.match(r"test_(\d\d)_", metafunc.function.__name__)
+    if number and number[1] in NUMBERS and "lanes" in metafunc.fixturenames:
+        exact = [name for name, technique in TECHNIQUES.items() if technique.exact]
+        metafunc.parametrize("chosen", exact, indirect=True)
+
+
+@pytest.fixture(autouse=True)
+def chosen(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The technique that `render` uses."""
+    monkeypatch.setitem(CHOSEN, "technique", getattr(request, "param", "sort"))
 
 
 def render(soup: Soup, view: Eye, size: tuple[int, int], lanes: int, **options: Any) -> clpeel.Result:
     """clpeel's picture of a soup."""
-    return clpeel.render(soup.scene(), view.camera(), size=size, lanes=lanes, technique="sort", **options)
+    return clpeel.render(soup.scene(), view.camera(), size=size, lanes=lanes, **CHOSEN, **options)
 
 
 def single(value: float) -> float:
