@@ -91,6 +91,13 @@ INLINE uint bits_of16(int16 truth)
 }
 #define BITS_OF(truth) PASTE(bits_of, STRIP)(truth)
 
+INLINE uint largest(VECTOR(uint) values)
+{
+    uint found = 0;
+    for (int k = 0; k < STRIP; ++k) found = MAX(found, ((const uint *)&values)[k]);
+    return found;
+}
+
 // --- a strip's elements here and there in memory ----------------------------------------------------------------------
 // Places are below 2^31; only those where `present` is -1 are touched. AVX-512 has instructions for it, which compilers
 // find for some elements at best, or not at all; hence by name where they are.

@@ -20,13 +20,6 @@
 #include "composite.h"
 #include "raster.h"
 
-INLINE uint largest(VECTOR(uint) values)
-{
-    uint found = 0;
-    for (int k = 0; k < STRIP; ++k) found = MAX(found, ((const uint *)&values)[k]);
-    return found;
-}
-
 // tile_totals: fragments of the tile, and of its deepest pixel. layers_before: only tiles deeper than that, if it is not 0.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,

@@ -8,8 +8,7 @@
 INLINE void add_up(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count,
                    global const void *colors, Colors *sums)
 {
-    uint deepest = 0;
-    for (int k = 0; k < STRIP; ++k) deepest = MAX(deepest, ((const uint *)&count)[k]);
+    uint deepest = largest(count);
     sums->red = sums->green = sums->blue = sums->alpha = (VECTOR(float))(0.0f);
     for (uint first = 0; first < deepest; first += ROWS) {
         VECTOR(ulong) rows[ROWS];

@@ -11,39 +11,48 @@
 #include "sums.h"
 #include "wide.h"
 
-// The product of two unevaluated sums x + y of floats, |y| small beside |x| (Dekker 1971): about 46 bits.
-INLINE float2 product(float2 a, float2 b)
+typedef struct { VECTOR(float) high, low; } Parts;  // an unevaluated sum
+
+// The product (Dekker 1971): about 46 bits.
+INLINE void multiply(Parts *a, const Parts *b)
 {
-    float p = a.x * b.x, e = FMA1(a.x, b.x, -p) + (a.x * b.y + a.y * b.x), s = p + e;
-    return (float2)(s, e - (s - p));
+    VECTOR(float) p = a->high * b->high, e;
+    UNROLL for (int k = 0; k < STRIP; ++k)
+        ((float *)&e)[k] = FMA1(((const float *)&a->high)[k], ((const float *)&b->high)[k], -((const float *)&p)[k]);
+    e += a->high * b->low + a->low * b->high;
+    a->high = p + e;
+    a->low = e - (a->high - p);
 }
 
-// (1 - alpha)^n: its nearest float, and 1 minus it.
-INLINE float2 through_all(float alpha, uint n)
+// (1 - alpha)^n, 0 <= alpha <= 1.
+INLINE void through_all(VECTOR(float) alpha, VECTOR(uint) n, Parts *power)
 {
-    float2 power = (float2)(1.0f, 0.0f), base = (float2)(1.0f - alpha, 0.0f);
-    base.y = (1.0f - base.x) - alpha;  // exact, as 0 <= alpha <= 1
-    for (; n; n >>= 1, base = product(base, base))
-        if (n & 1) power = product(power, base);
-    return (float2)(power.x + power.y, (1.0f - power.x) - power.y);
+    Parts base = {1.0f - alpha, (1.0f - (1.0f - alpha)) - alpha};  // exact
+    power->high = (VECTOR(float))(1.0f), power->low = (VECTOR(float))(0.0f);
+    while (largest(n)) {
+        Parts taken = *power;
+        multiply(&taken, &base);
+        VECTOR(int) odd = PASTE(as_, VECTOR(int))(n & (VECTOR(uint))(1)) == (VECTOR(int))(1);
+        power->high = odd ? taken.high : power->high, power->low = odd ? taken.low : power->low;
+        n >>= (VECTOR(uint))(1);
+        Parts same = base;
+        multiply(&base, &same);
+    }
 }
 
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
                           VECTOR(uint) count, global const void *colors, Colors *resolved)
 {
     add_up(fragments, begin, step, count, colors, resolved);
-    for (int k = 0; k < STRIP; ++k) {
-        // A buffer of 16-bit floats counts to 2048: one more is rounded away.
-        uint n = ((const uint *)&count)[k];
-        if (HALF_SUMS) n = MIN(n, 2048u);
-        float sum = ((const float *)&resolved->alpha)[k], scale = 0.0f, through = 1.0f;
-        if (sum != 0.0f) {
-            float2 both = through_all(sum / (float)n, n);
-            through = both.x, scale = both.y / sum;
-        }
-        ((float *)&resolved->red)[k] *= scale, ((float *)&resolved->green)[k] *= scale;
-        ((float *)&resolved->blue)[k] *= scale, ((float *)&resolved->alpha)[k] = through;
-    }
+    // A buffer of 16-bit floats counts to 2048: one more is rounded away.
+    VECTOR(uint) n = HALF_SUMS ? MIN(count, (VECTOR(uint))(2048)) : count;
+    VECTOR(float) sum = resolved->alpha;
+    VECTOR(int) some = sum != (VECTOR(float))(0.0f);
+    Parts power;
+    through_all(some ? sum / CONVERT(float, STRIP, n) : (VECTOR(float))(0.0f), n, &power);
+    VECTOR(float) scale = some ? ((1.0f - power.high) - power.low) / sum : (VECTOR(float))(0.0f);
+    resolved->red *= scale, resolved->green *= scale, resolved->blue *= scale;
+    resolved->alpha = power.high + power.low;
 }
 
 #include "draw.h"
