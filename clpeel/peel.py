@@ -21,6 +21,17 @@ COINCIDENT = ("keep", "paper")
 MAX_PASSES = 1 << 20
 
 
+def checked_count(name: str, count: Any, most: int) -> int:
+    """A whole number 1..most, or InputError."""
+    try:
+        whole = int(count)
+    except (TypeError, ValueError, OverflowError):
+        whole = 0
+    if whole != count or not 1 <= whole <= most:
+        raise InputError(f"{name}: expected 1..{most}, got {count!r}")
+    return whole
+
+
 def peel(
     path: str,
     first_passes: int,
@@ -42,8 +53,8 @@ def peel(
     where a pass draws nothing; without, all `passes` are made. coincident: "keep" or "paper" (COINCIDENT). defines:
     constants of the kernel. Raises InputError where one of these cannot be.
     """
-    if passes is not None and not (int(passes) == passes and 1 <= passes <= MAX_PASSES):
-        raise InputError(f"passes: expected 1..{MAX_PASSES}, got {passes!r}")
+    if passes is not None:
+        passes = checked_count("passes", passes, MAX_PASSES)
     if passes is None and not occlusion_query:
         raise InputError(
             "occlusion_query: expected passes=N with it off, as nothing else ends the passes; got no passes"
@@ -51,7 +62,7 @@ def peel(
     if coincident not in COINCIDENT:
         raise InputError(f"coincident: expected one of {', '.join(COINCIDENT)}; got {coincident!r}")
     # There cannot be more layers than a tile has records; one pass more is the empty one that ends them.
-    most = [int(passes)] if passes is not None else []
+    most = [passes] if passes is not None else []
     most += [int(batch.tile_pairs.max()) + 1] if occlusion_query else []
     most_passes = first_passes + min(most)
     pass_totals = gpu.put("pass_totals", np.zeros((most_passes, 2), np.uint32))

@@ -10,6 +10,7 @@ import pyopencl as cl
 
 from clpeel.camera import Camera
 from clpeel.device import Gpu
+from clpeel.errors import InputError
 from clpeel.layout import CLIP_TRIANGLES, PADDING, TRIANGLE, VERTEX, Features
 from clpeel.program import cut, launch, program
 from clpeel.scene import Positions, Scene
@@ -19,6 +20,9 @@ BOUNDS_BYTES = 8
 WEIGHTS_BYTES = 36
 STATE_BYTES = 1
 LISTED_BYTES = 4
+
+MOST_ITEMS = 2**31 // 3
+"""Vertices or faces of a scene: three numbers each, at places that are signed where they are gathered (wide.h)."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,15 @@ class Triangles:
 
 
 def upload(gpu: Gpu, scene: Scene, normals: bool = False) -> DeviceScene:
-    """Puts a scene on the device, with its vertex normals where they are asked for."""
+    """Puts a scene on the device, with its vertex normals where they are asked for.
+
+    Raises InputError when it has more vertices or triangles than the kernels can number.
+    """
+    most = max(len(scene.vertices), len(scene.faces))
+    if most > MOST_ITEMS:
+        raise InputError(
+            f"scene: expected at most {MOST_ITEMS:,} vertices and triangles, got {most:,}; render its parts"
+        )
     grid = scene.positions()
     if scene.vertex_colors is not None:
         rate, colors = "vertex", scene.vertex_colors

@@ -135,3 +135,10 @@ def test_far_plane_cuts(gpu):
     rows, bounds = records(gpu, triangles)
     drawn = rows[bounds[:, 0] <= bounds[:, 1]]
     assert triangles.clipped == 1 and drawn["depth_min"].min() == pytest.approx(0.1, rel=1e-6)
+
+
+def test_more_than_can_be_numbered_is_refused(monkeypatch):
+    monkeypatch.setattr("clpeel.projection.MOST_ITEMS", 5)
+    scene = clpeel.Scene.from_arrays(np.zeros((6, 3)), [[0, 1, 2]], color=(1.0, 0, 0, 0.5))
+    with pytest.raises(clpeel.InputError, match="scene: expected at most 5 vertices and triangles, got 6"):
+        clpeel.render(scene, clpeel.Camera((0, 0, 4), (0, 0, 0)), (4, 4))

@@ -10,7 +10,7 @@ from typing import Any
 
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
-from clpeel.peel import peel
+from clpeel.peel import checked_count, peel
 
 SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
 MOST_LAYERS = 64
@@ -34,7 +34,5 @@ def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int =
 
 def draw(*arguments: Any, layers_per_pass: int = layers_per_pass(), **options: Any) -> Drawn:
     """Draws a batch of tiles, `layers_per_pass` layers a pass (1..MOST_LAYERS, else InputError)."""
-    if not (int(layers_per_pass) == layers_per_pass and 1 <= layers_per_pass <= MOST_LAYERS):
-        raise InputError(f"layers_per_pass: expected 1..{MOST_LAYERS}, got {layers_per_pass!r}")
-    path = "techniques/multi-layer-peeling.cl"
-    return peel(path, 0, *arguments, defines={"LAYERS_A_PASS": int(layers_per_pass)}, **options)
+    defines = {"LAYERS_A_PASS": checked_count("layers_per_pass", layers_per_pass, MOST_LAYERS)}
+    return peel("techniques/multi-layer-peeling.cl", 0, *arguments, defines=defines, **options)

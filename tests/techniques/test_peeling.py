@@ -183,6 +183,9 @@ def test_equation_1() -> None:
     [
         ("depth-peeling", {"passes": 0}, "passes: expected 1"),
         ("depth-peeling", {"passes": 1.5}, "passes: expected 1"),
+        ("depth-peeling", {"passes": "many"}, "passes: expected 1.*, got 'many'"),
+        ("depth-peeling", {"passes": float("nan")}, "passes: expected 1.*, got nan"),
+        ("multi-layer-peeling", {"layers_per_pass": float("inf")}, "layers_per_pass: expected 1.*, got inf"),
         ("dual-depth-peeling", {"occlusion_query": False}, "occlusion_query: expected passes=N"),
         ("dual-depth-peeling", {"coincident": "drop"}, "coincident: expected one of keep, paper; got 'drop'"),
         ("multi-layer-peeling", {"layers_per_pass": 0}, f"layers_per_pass: expected 1..{MOST_LAYERS}, got 0"),
