@@ -73,6 +73,10 @@ OUT_NEAR, OUT_FAR, OUT_LEFT, OUT_RIGHT, OUT_TOP, OUT_BOTTOM, NOT_FINITE = (1 << 
 # What a face needs: nothing (0), a record, clipping, or to be counted as not finite.
 DRAWN, CLIPPED, DISCARDED = 1, 2, 3
 
+# What is known of a record's face, one bit each: its edge functions fit 32 bits (SMALL_EXTENT), it is seen from behind
+# (its corners, as given, run clockwise), all its alphas are 1. The last stands beside a face's state, too.
+SMALL, BACK_FACING, OPAQUE = 1, 2, 4
+
 LIST_RUN = 64
 """Faces that are sifted at once (projection.cl)."""
 
@@ -101,7 +105,7 @@ TRIANGLE = np.dtype(
         ("depth_max", np.float32),
         ("inverse_area", np.float32),  # 1 / twice the area in square subpixels
         ("source", np.uint32),  # submission index: the face it comes from
-        ("small", np.uint32),  # whether its edge functions fit 32 bits (SMALL_EXTENT)
+        ("flags", np.uint32),  # SMALL | BACK_FACING | OPAQUE
         ("left_right", np.uint32),  # its bounds again: first column | last column << 16
         ("top_bottom", np.uint32),  # first row | last row << 16
     ]
@@ -123,6 +127,7 @@ class Features:
     color_rate: str  # "scene" | "face" | "vertex"
     packed_color: bool  # colours come as 4 bytes rather than 4 floats
     headlight: bool
+    surfaces: str = "transparent"  # or "opaque", or "mixed": what is drawn first needs telling apart
 
     @property
     def fragment_color(self) -> bool:
@@ -157,6 +162,7 @@ class Features:
             "PACKED_COLOR": int(self.packed_color),
             "HEADLIGHT": int(self.headlight),
             "FRAGMENT_COLOR": int(self.fragment_color),
+            "MIXED": int(self.surfaces == "mixed"),
         }
         return [f"-D{name}={value}" for name, value in flags.items()]
 

@@ -11,7 +11,7 @@ import pyopencl as cl
 from clpeel.camera import Camera
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.layout import CLIP_TRIANGLES, PADDING, TRIANGLE, VERTEX, Features
+from clpeel.layout import CLIP_TRIANGLES, OPAQUE, PADDING, TRIANGLE, VERTEX, Features
 from clpeel.program import cut, launch, program
 from clpeel.scene import Positions, Scene
 
@@ -42,13 +42,14 @@ class DeviceScene:
     normals: cl.Buffer | None
     color_rate: str
     packed_color: bool
+    surfaces: str
     nbytes: int
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """Screen triangles: a record for each face that may cover a sample, in submission order, and CLIP_TRIANGLES more
-    behind them for each clipped one.
+    """Screen triangles: a record for each face that may cover a sample, and CLIP_TRIANGLES more behind them for each
+    clipped one. Opaque faces come first where there are others; each kind is in submission order.
 
     records: TRIANGLE [count]; bounds: uint16 [count, 4], the first and last pixel column and row (first > last: nothing
     to draw); weights: float32 [count, 3, 3] for colours that vary over a face, else None.
@@ -126,12 +127,18 @@ def upload(gpu: Gpu, scene: Scene, normals: bool = False) -> DeviceScene:
         normals=held.get("normals"),
         color_rate=rate,
         packed_color=colors.dtype == np.uint8,
+        surfaces=scene.surfaces,
         nbytes=sum(array.nbytes for array in arrays.values()),
     )
 
 
-def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int], headlight: bool) -> Triangles:
-    """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height)."""
+def project(
+    gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int], headlight: bool, opaque_first: bool = False
+) -> Triangles:
+    """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height).
+
+    opaque_first: tells opaque faces from others; without, all are taken as transparent.
+    """
     features = Features(
         lanes=gpu.lanes,
         perspective=not camera.orthographic,
@@ -139,6 +146,7 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
         color_rate=scene.color_rate,
         packed_color=scene.packed_color,
         headlight=headlight,
+        surfaces=scene.surfaces if opaque_first else "transparent",
     )
     kernels = program(gpu, "stages.cl", features)
     host = scene.scene
@@ -172,37 +180,46 @@ def project(gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int],
         kernels["cull_triangles"],
         -(-face_count // wide),
         face_count=face_count,
+        palette=scene.palette,
         states=states,
         **corners,
         **view,
     )
     chunk_faces, chunks = cut(gpu, face_count)
     sifted = {"states": states, "face_count": face_count, "chunk_faces": chunk_faces}
-    chunk_counts = gpu.buffer("chunk_counts", 12 * chunks)
+    chunk_counts = gpu.buffer("chunk_counts", 20 * chunks)
     launch(gpu, STAGE, kernels["count_states"], chunks, 1, **sifted, chunk_counts=chunk_counts)
-    counts = gpu.get(chunk_counts, (chunks, 3), np.uint32)
-    listed_count, clipped_count, discarded = (int(total) for total in counts.sum(axis=0))
-    starts = np.cumsum(counts[:, :2], axis=0, dtype=np.uint32) - counts[:, :2]
+    counts = gpu.get(chunk_counts, (chunks, 5), np.uint32)
+    discarded = int(counts[:, 4].sum())
+    # [opaque or transparent, chunk, listed or clipped]: all that is opaque comes first.
+    kinds = counts[:, :4].reshape(chunks, 2, 2).swapaxes(0, 1)
+    ends = np.cumsum(kinds.reshape(-1, 2), axis=0, dtype=np.uint32).reshape(kinds.shape)
+    starts = ends - kinds
+    opaque_count = int(ends[0, -1, 0])
+    listed_count, clipped_count = (int(total) for total in ends[1, -1])
     count = listed_count + CLIP_TRIANGLES * clipped_count
     listed = gpu.buffer("listed", LISTED_BYTES * listed_count)
     clipped = gpu.buffer("clipped", LISTED_BYTES * clipped_count)
-    launch(
-        gpu,
-        STAGE,
-        kernels["list_triangles"],
-        chunks,
-        1,
-        **sifted,
-        chunk_starts=gpu.put("chunk_starts", starts),
-        listed=listed,
-        clipped=clipped,
-    )
+    for kind, chunk_starts in ((OPAQUE, starts[0]), (0, starts[1])):
+        if kind == 0 or features.surfaces == "mixed":
+            launch(
+                gpu,
+                STAGE,
+                kernels["list_triangles"],
+                chunks,
+                1,
+                **sifted,
+                kind=kind,
+                chunk_starts=gpu.put(f"chunk_starts_{kind}", chunk_starts),
+                listed=listed,
+                clipped=clipped,
+            )
     outputs = {
         "triangles": gpu.buffer("triangles", (count + PADDING) * TRIANGLE.itemsize),
         "bounds": gpu.buffer("bounds", (count + PADDING) * BOUNDS_BYTES),
         "weights": gpu.buffer("weights", (count + PADDING) * WEIGHTS_BYTES) if features.fragment_color else None,
     }
-    lists = {"listed": listed, "listed_count": listed_count}
+    lists = {"listed": listed, "listed_count": listed_count, "opaque_count": opaque_count}
     launch(gpu, STAGE, kernels["setup_triangles"], -(-listed_count // wide), **corners, **lists, **view, **outputs)
     if clipped_count:
         launch(

@@ -81,8 +81,8 @@ static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRang
 
 // clipped: places in `listed`; the fans are in the records behind its own, CLIP_TRIANGLES each.
 kernel void clip_triangles(global const uint *clipped, uint clipped_count, global const uint *listed, uint listed_count,
-                           global const uint *faces, global const float *positions, global const float *low_positions,
-                           global const float *matrix, float depth_near, float depth_far, int width, int height,
+                           uint opaque_count, global const uint *faces, global const float *positions,
+                           global const float *low_positions, global const float *matrix, float depth_near, float depth_far, int width, int height,
                            global Triangle *triangles, global ushort4 *bounds, global float *weights)
 {
     uint n = get_global_id(0);
@@ -112,7 +112,7 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
         Corner corner[3];
         for (int i = 0; i < 3; ++i) to_screen(&polygon[i == 0 ? 0 : k + i].at, corner + i);
         Arrangement arrangement;
-        make_triangles(corner, source, width, height, record, triangles, bounds, &arrangement);
+        make_triangles(corner, source, clipped[n] < opaque_count ? OPAQUE : 0, width, height, record, triangles, bounds, &arrangement);
 #if FRAGMENT_COLOR
         float share[3][3];
         for (int i = 0; i < 3; ++i)

@@ -4,7 +4,9 @@
 //   cull_triangles      WIDE faces a work-item: what each needs, DRAWN where it may cover a sample
 //   count_states        one work-item a chunk of faces: how many are DRAWN or CLIPPED, CLIPPED, DISCARDED
 //   list_triangles      one work-item a chunk: the faces that are DRAWN or CLIPPED, and which of them are CLIPPED
-//   setup_triangles     WIDE of the list a work-item: their records, in submission order
+//   setup_triangles     WIDE of the list a work-item: their records, in the list's order
+//
+// The list has the opaque faces first, then the transparent ones, each in submission order; and so have the tiles' lists.
 //
 // Most faces of a fine mesh lie between the samples: they cost a look at their corners and nothing after that.
 // Items past the end do the last one again, into padding.
@@ -76,15 +78,28 @@ INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach
 // A field of vertices, which are three times two numbers long.
 #define VERTEX_FIELD(name, at) GATHER(&vertices->name, 2, 3 * (at))
 
+// Whether all alphas of faces are one; vertex: those of their corners.
+INLINE Ints is_opaque(global const void *palette, Uints face, const Uints *vertex)
+{
+    Ints opaque = (Ints)(-1);
+    for (int j = 0; j < (COLOR_RATE_VERTEX ? 3 : 1); ++j) {
+        Uints place = COLOR_RATE_VERTEX ? vertex[j] : face;
+        if (PACKED_COLOR) opaque &= GATHER(palette, 1, place) >> (Uints)(24) == (Uints)(255);
+        else opaque &= AS_FLOATS(GATHER((global const float *)palette + 3, 2, 2 * place)) == (Floats)(1.0f);
+    }
+    return opaque;
+}
+
 kernel void cull_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
-                           int width, int height, global uchar *states)
+                           int width, int height, global const void *palette, global uchar *states)
 {
     uint first = get_global_id(0) * WIDE;
     if (first >= face_count) return;
     Ints x[3], y[3];
-    Uints outcode[3], face = items_from(first, face_count);
+    Uints outcode[3], corner[3], face = items_from(first, face_count);
     UNROLL for (int j = 0; j < 3; ++j) {
         Uints given = GATHER(faces + j, 1, 3 * face), vertex = MIN(given, (Uints)(vertex_count - 1));
+        corner[j] = vertex;
         x[j] = AS_INTS(VERTEX_FIELD(x, vertex)), y[j] = AS_INTS(VERTEX_FIELD(y, vertex));
         // The host refuses faces with vertices that there are none of; this guard is for memory's sake.
         outcode[j] = given == vertex ? VERTEX_FIELD(outcode, vertex) : (Uints)(NOT_FINITE);
@@ -102,25 +117,33 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint verte
                   : any != zero                       ? (Uints)(CLIPPED)
                   : drawn                             ? (Uints)(DRAWN)
                                                       : zero;
+    Ints listed = (state == (Uints)(DRAWN)) | (state == (Uints)(CLIPPED));
+    if (MIXED) state |= is_opaque(palette, face, corner) & listed ? (Uints)(OPAQUE) : zero;
     FOR_EACH_ELEMENT states[first + k] = (uchar)INT_OF(state);
 }
 
 kernel void count_states(global const uchar *states, uint face_count, uint chunk_faces, global uint *chunk_counts)
 {
     uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
-    uint listed = 0, clipped = 0, discarded = 0;
+    uint opaque_listed = 0, opaque_clipped = 0, listed = 0, clipped = 0, discarded = 0;
     for (uint face = first; face < last; ++face) {
         uint state = states[face];
+        if (MIXED) {
+            opaque_listed += state == (DRAWN | OPAQUE) || state == (CLIPPED | OPAQUE);
+            opaque_clipped += state == (CLIPPED | OPAQUE);
+        }
         listed += state == DRAWN || state == CLIPPED;
         clipped += state == CLIPPED;
         discarded += state == DISCARDED;
     }
-    chunk_counts[3 * chunk] = listed, chunk_counts[3 * chunk + 1] = clipped, chunk_counts[3 * chunk + 2] = discarded;
+    global uint *counts = chunk_counts + 5 * chunk;
+    counts[0] = opaque_listed, counts[1] = opaque_clipped, counts[2] = listed, counts[3] = clipped, counts[4] = discarded;
 }
 
-// chunk_starts: where the chunk's faces begin in the two lists. clipped: places in `listed`.
-kernel void list_triangles(global const uchar *states, uint face_count, uint chunk_faces, global const uint2 *chunk_starts,
-                           global uint *listed, global uint *clipped)
+// kind: OPAQUE, or 0 for the transparent faces. chunk_starts: where the chunk's faces of that kind begin in the two lists.
+// clipped: places in `listed`.
+kernel void list_triangles(global const uchar *states, uint face_count, uint chunk_faces, uint kind,
+                           global const uint2 *chunk_starts, global uint *listed, global uint *clipped)
 {
     uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
     uint2 next = chunk_starts[chunk];
@@ -129,10 +152,10 @@ kernel void list_triangles(global const uchar *states, uint face_count, uint chu
         uint run[LIST_RUN + 1], count = 0;
         for (uint face = from; face < MIN(from + LIST_RUN, last); ++face) {
             run[count] = face;
-            count += states[face] == DRAWN || states[face] == CLIPPED;
+            count += states[face] == (DRAWN | kind) || states[face] == (CLIPPED | kind);
         }
         for (uint k = 0; k < count; ++k) {
-            if (states[run[k]] == CLIPPED) clipped[next.y++] = next.x + k;
+            if (states[run[k]] == (CLIPPED | kind)) clipped[next.y++] = next.x + k;
             listed[next.x + k] = run[k];
         }
         next.x += count;
@@ -140,12 +163,12 @@ kernel void list_triangles(global const uchar *states, uint face_count, uint chu
 }
 
 kernel void setup_triangles(global const uint *faces, uint vertex_count, global const Vertex *vertices,
-                            global const uint *listed, uint listed_count, int width, int height,
+                            global const uint *listed, uint listed_count, uint opaque_count, int width, int height,
                             global Triangle *triangles, global ushort4 *bounds, global float *weights)
 {
     uint first = get_global_id(0) * WIDE;
     if (first >= listed_count) return;
-    Uints source = GATHER(listed, 1, items_from(first, listed_count));
+    Uints place = items_from(first, listed_count), source = GATHER(listed, 1, place);
     Corner corner[3];
     UNROLL for (int j = 0; j < 3; ++j) {
         Uints vertex = MIN(GATHER(faces + j, 1, 3 * source), (Uints)(vertex_count - 1));
@@ -155,7 +178,8 @@ kernel void setup_triangles(global const uint *faces, uint vertex_count, global 
         corner[j].depth = AS_FLOATS(VERTEX_FIELD(depth, vertex));
     }
     Arrangement arrangement;
-    make_triangles(corner, source, width, height, first, triangles, bounds, &arrangement);
+    Uints flags = place < (Uints)(opaque_count) ? (Uints)(OPAQUE) : (Uints)(0);
+    make_triangles(corner, source, flags, width, height, first, triangles, bounds, &arrangement);
 #if FRAGMENT_COLOR
     Floats share[3][3];
     for (int i = 0; i < 3; ++i)

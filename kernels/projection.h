@@ -101,6 +101,7 @@ typedef struct {
 } Arrangement;
 
 // Writes the records of WIDE triangles from `record` on, and their bounds; first > last where one covers no sample.
+// flags: those that are known already.
 //
 // Depth is linear over the screen. Snapping moves the corners by up to 1/512 pixel, so the plane is evaluated at the
 // snapped corners: where triangles cross, the picture is then that of the exact triangles. The same matrix `moved`
@@ -109,7 +110,7 @@ typedef struct {
 // The corners are first put into one order, whichever the face gave them in: positive area with y down, the farthest (then
 // topmost, then leftmost) first. Coincident faces then have the same depths to the bit, and stay in submission order; and
 // a fragment's depth is the farthest corner's plus what the others add, so that only what they add is rounded often.
-INLINE void make_triangles(const Corner *given, Uints source, int width, int height, uint record,
+INLINE void make_triangles(const Corner *given, Uints source, Uints flags, int width, int height, uint record,
                            global Triangle *triangles, global ushort4 *bounds, Arrangement *arrangement)
 {
     // Turned until the first is first; then the other two swapped where the area is negative.
@@ -159,7 +160,8 @@ INLINE void make_triangles(const Corner *given, Uints source, int width, int hei
         depth[k] = k == 0 ? c[k].depth + shift : (c[k].depth - c[0].depth) + (shift - first_shift);
     }
     Floats depth_max = MAX(c[1].depth, c[2].depth), inverse_area = (Floats)(1.0f) / TO(Floats, area);
-    Uints small = AS_UINTS(extent < (Ints)(SMALL_EXTENT)) & (Uints)(1);
+    flags |= AS_UINTS(extent < (Ints)(SMALL_EXTENT)) & (Uints)(SMALL);
+    flags |= flip ? (Uints)(0) : (Uints)(BACK_FACING);
     Uints left_right = AS_UINTS(reach.left | reach.right << (Ints)(16));
     Uints top_bottom = AS_UINTS(reach.top | reach.bottom << (Ints)(16));
     FOR_EACH_ELEMENT
@@ -167,7 +169,7 @@ INLINE void make_triangles(const Corner *given, Uints source, int width, int hei
     Uints field[RECORD_FIELDS] = {  // those of a Triangle (layout.py)
         AS_UINTS(x[0]), AS_UINTS(x[1]), AS_UINTS(x[2]), AS_UINTS(y[0]), AS_UINTS(y[1]), AS_UINTS(y[2]), AS_UINTS(depth[0]),
         AS_UINTS(depth[1]), AS_UINTS(depth[2]), AS_UINTS(c[0].depth), AS_UINTS(depth_max), AS_UINTS(inverse_area), source,
-        small, left_right, top_bottom};
+        flags, left_right, top_bottom};
     store_records(triangles + record, field);
 }
 

@@ -60,7 +60,7 @@ INLINE uint ready_walks(global const Triangle *triangles, global const uint *pai
     load_records(triangles, pairs, at, end - 1, field);
     Ints corner_x[3], corner_y[3];
     UNROLL for (int j = 0; j < 3; ++j) corner_x[j] = AS_INTS(field[j]), corner_y[j] = AS_INTS(field[3 + j]);
-    w->small = AS_INTS(field[13]);
+    w->small = AS_INTS(field[13] & SMALL);
     Ints left = AS_INTS(field[14] & 0xFFFF), right = AS_INTS(field[14] >> (Uints)(16));
     Ints top = AS_INTS(field[15] & 0xFFFF), bottom = AS_INTS(field[15] >> (Uints)(16));
     UNROLL for (int k = 0; k < 3; ++k) {
@@ -151,9 +151,10 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
     return STRIP_COLUMNS < (VECTOR(int))(columns_left - column) & STRIP_ROWS < (VECTOR(int))(rows_left - row);
 }
 
-// What every walk begins with.
+// What every walk begins with: list_begin and list_end, the places of the tile's records that are to be visited.
 #define ENTER_TILE                                                                                              \
     int lane = get_local_id(0);                                                                                 \
+    uint list_begin = pair_start[tile], list_end = pair_start[tile + 1];                                        \
     int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE; \
     int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
     bool beyond = tile_x + TILE > width || tile_y + TILE > height;
@@ -162,9 +163,9 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
 // END_VISITS there are `place`, the record's in the lists, the record `t`, `block`, and of the lane's strip of it which
 // samples are `covered`, and their barycentric `weight`s.
 #define VISITS(wanted)                                                                                          \
-    for (uint at = pair_start[tile], end = pair_start[tile + 1]; at < end; at += WIDE) {                        \
+    for (uint at = list_begin; at < list_end; at += WIDE) {                                                     \
         Walks walks;                                                                                            \
-        uint ready = ready_walks(triangles, pairs, at, end, x, y, tile_x, tile_y, &walks);                      \
+        uint ready = ready_walks(triangles, pairs, at, list_end, x, y, tile_x, tile_y, &walks);                 \
         for (uint n = 0; n < ready; ++n) {                                                                      \
             if (!((uint)((const int *)&walks.blocks)[n] & (wanted) & LANE_BLOCKS)) continue;                    \
             Walk w;                                                                                             \
