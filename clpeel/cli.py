@@ -229,6 +229,10 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         "layers_per_pass": options.layers,
         "occlusion_query": False if options.no_occlusion_query else None,
         "coincident": options.coincident,
+        "opaque": options.opaque,
+        "hazard_window": options.hazard_window,
+        "hazard_order": options.hazard_order,
+        "torn_writes": options.torn_writes or None,
         "precision": options.precision,
     }
     try:

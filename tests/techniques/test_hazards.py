@@ -93,7 +93,7 @@ def test_figure_1_step_by_step(lanes: int) -> None:
 
 
 def test_figure_2_is_caught(lanes: int) -> None:
-    """Fragments 2 and 4 both read {3}, and each commits half of its targets: 3 then stands there twice, and no other."""
+    """Fragments 2 and 4 both read {3}, and each commits half of its targets: 3 stands there twice, and nothing else."""
     assert wave((3,), (2, 4), 4, "nearest-last", True) == ((3,), 2)  # 2 and 4 come to nothing, whenever they come
     caught = 0
     for arriving in itertools.permutations(range(1, 6)):
