@@ -35,6 +35,9 @@ OPAQUE = ("first", "blend")
 MIN_MEMORY = 1 << 20
 """Bytes that fragments are given at least, however little is left of the budget."""
 
+MOST_LISTED = 2**31
+"""Bytes of a batch's lists: places in them are below 2**29, and so signed numbers of 32 bits (peeling.h)."""
+
 COMMON_OPTIONS = tuple("camera size technique background lighting samples memory keep_color opaque progress".split())
 SAMPLES = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples a pixel to samples a side; a side divides a tile's, so that a pixel's samples share a tile."""
@@ -168,7 +171,7 @@ class Renderer:
         found: list[Drawn] = []
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
         at_tile = None if progress is None else lambda tile: report(float(done_pairs[tile - 1]), "rendering")
-        for batch in tiles.batches(min(batch_budget, largest)):
+        for batch in tiles.batches(min(batch_budget, largest, MOST_LISTED)):
             if triangles.features.surfaces == "opaque":
                 found.append(draw_opaque(gpu, triangles, batch, target, at_tile))
             else:

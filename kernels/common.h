@@ -110,6 +110,12 @@ INLINE uint largest(VECTOR(uint) values)
 #define AVX512 0
 #endif
 
+#if defined(__AVX2__) && __has_builtin(__builtin_ia32_gatherd_d256)
+#define AVX2_GATHER 1
+#else
+#define AVX2_GATHER 0
+#endif
+
 INLINE void scatter(global ulong *to, VECTOR(uint) at, VECTOR(int) present, VECTOR(ulong) value)
 {
 #if AVX512
@@ -129,6 +135,10 @@ INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int)
 #if AVX512
     found = as_uint16(__builtin_ia32_gathersiv16si(as_int16(found), (const void *)(size_t)from, as_int16(at),
                                                        BITS_OF(present), sizeof(uint)));
+#elif AVX2_GATHER && STRIP == 16
+    const int *base = (const int *)(size_t)from;
+    found.lo = as_uint8(__builtin_ia32_gatherd_d256((int8)(0), base, as_int8(at.lo), present.lo, sizeof(uint)));
+    found.hi = as_uint8(__builtin_ia32_gatherd_d256((int8)(0), base, as_int8(at.hi), present.hi, sizeof(uint)));
 #else
     for (int k = 0; k < STRIP; ++k)
         if (((const int *)&present)[k]) ((uint *)&found)[k] = from[((const uint *)&at)[k]];

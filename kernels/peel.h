@@ -93,7 +93,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 covered &= CONVERT(int, STRIP, submitted < z_far[OWN(block)]);
             }
             Fragments arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
-                                  (VECTOR(uint))(FRAGMENT_COLOR ? place : t->source)};
+                                  (VECTOR(int))((int)(FRAGMENT_COLOR ? place : t->source))};
             if (pass == 0) fragments += POPCOUNT(BITS_OF(covered));
             passed += POPCOUNT(BITS_OF(pass_samples(buffers + OWN(block), covered, &arriving)));
             END_VISITS
@@ -118,11 +118,10 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             for (int own = 0; own < STRIPS_A_LANE && passed; ++own) {
                 for (int i = 0; i < PEELED; ++i) {
                     Colors colors;
-                    VECTOR(uint) payload = peeled(buffers + own, i);
-                    VECTOR(int) found = payload != (VECTOR(uint))(NO_PAYLOAD);
+                    VECTOR(int) payload = peeled(buffers + own, i), found = payload >= (VECTOR(int))(0);
                     if (BITS_OF(found) == 0) continue;
                     layers[own] -= PASTE(as_, VECTOR(uint))(found);
-                    colors_of(payload, own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette,
+                    colors_of(PASTE(as_, VECTOR(uint))(payload), own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette,
                               weights, normals, view, &colors);
                     blend_peeled(buffers + own, i, &colors);
                 }

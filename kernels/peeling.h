@@ -9,21 +9,21 @@
 
 #include "shading.h"
 
-// key: that of the depth, less 2^31, as vectors compare signed numbers in one step. payload: as in raster.h.
-typedef struct { VECTOR(int) key; VECTOR(uint) payload; } Fragments;
+// key: that of the depth, less 2^31, as vectors compare signed numbers in one step. payload: as in raster.h, below 2^31.
+typedef struct { VECTOR(int) key, payload; } Fragments;
 
 // Keys in front of and behind all there are.
 #define NEAREST_KEY (-0x7FFFFFFF - 1)
 #define FARTHEST_KEY 0x7FFFFFFF
-#define NO_PAYLOAD 0xFFFFFFFFu
+#define NO_PAYLOAD (-1)  // as a uint that of ABSENT
 
 INLINE void clear_to(Fragments *f, int key)
 {
     f->key = (VECTOR(int))(key);
-    f->payload = (VECTOR(uint))(NO_PAYLOAD);
+    f->payload = (VECTOR(int))(NO_PAYLOAD);
 }
 
-INLINE VECTOR(int) is_there(const Fragments *f) { return f->payload != (VECTOR(uint))(NO_PAYLOAD); }
+INLINE VECTOR(int) is_there(const Fragments *f) { return f->payload >= (VECTOR(int))(0); }
 
 INLINE void replace(Fragments *f, VECTOR(int) where, const Fragments *by)
 {
@@ -34,9 +34,10 @@ INLINE void replace(Fragments *f, VECTOR(int) where, const Fragments *by)
 // Whether `a` lies behind `b`, and is not it.
 INLINE VECTOR(int) is_behind(const Fragments *a, const Fragments *b)
 {
-    VECTOR(int) behind = a->key > b->key;
-    if (!BY_DEPTH) behind |= (a->key == b->key) & (a->payload > b->payload);
-    return behind;
+    // One more than its key, where of equal depths it would be the later one; no key is so near the greatest integer.
+    VECTOR(int) key = a->key;
+    if (!BY_DEPTH) key -= a->payload > b->payload;
+    return key > b->key;
 }
 
 #endif

@@ -45,16 +45,16 @@ INLINE uint begin_pass(Buffers *b)
 INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
 {
     VECTOR(int) between = covered & is_behind(fragments, &b->nearest) & is_behind(&b->farthest, fragments);
-    VECTOR(int) farther = fragments->key > b->next_farthest.key;
-    if (!BY_DEPTH) farther |= fragments->key == b->next_farthest.key;  // of one depth, the last to arrive
+    VECTOR(int) nearer = b->next_farthest.key > fragments->key, farther = fragments->key > b->next_farthest.key;
+    if (!BY_DEPTH) farther = ~nearer;  // of one depth, the last to arrive
     replace(&b->next_nearest, between & (fragments->key < b->next_nearest.key), fragments);
     replace(&b->next_farthest, between & farther, fragments);
     return between;
 }
 
-INLINE VECTOR(uint) peeled(const Buffers *b, int i)
+INLINE VECTOR(int) peeled(const Buffers *b, int i)
 {
-    return i == 0 ? b->nearest.payload : has_back(b) ? b->farthest.payload : (VECTOR(uint))(NO_PAYLOAD);
+    return i == 0 ? b->nearest.payload : has_back(b) ? b->farthest.payload : (VECTOR(int))(NO_PAYLOAD);
 }
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)

@@ -42,7 +42,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     return nearer;
 }
 
-INLINE VECTOR(uint) peeled(const Buffers *b, int i) { return b->slot.payload; }
+INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot.payload; }
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { b->peel[b->peels++] = *colors; }
 

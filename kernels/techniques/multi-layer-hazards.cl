@@ -96,7 +96,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     VECTOR(int) passed = (VECTOR(int))(0);
     for (int k = 0; k < STRIP; ++k) {
         ulong key = (uint)((const int *)&fragments->key)[k] ^ 0x80000000u;
-        ulong fragment = key << 32 | ((const uint *)&fragments->payload)[k];
+        ulong fragment = key << 32 | (uint)((const int *)&fragments->payload)[k];
         if (((const int *)&covered)[k] && arrive(b, k, fragment)) ((int *)&passed)[k] = -1;
     }
     b->written |= passed;
@@ -121,10 +121,10 @@ INLINE uint goes_round(Buffers *b)
     return pixel;
 }
 
-INLINE VECTOR(uint) peeled(const Buffers *b, int i)
+INLINE VECTOR(int) peeled(const Buffers *b, int i)
 {
-    VECTOR(uint) payload;
-    for (int k = 0; k < STRIP; ++k) ((uint *)&payload)[k] = (uint)b->slot[k][i];  // NO_PAYLOAD of ABSENT
+    VECTOR(int) payload;
+    for (int k = 0; k < STRIP; ++k) ((int *)&payload)[k] = (int)(uint)b->slot[k][i];  // NO_PAYLOAD of ABSENT
     return payload;
 }
 

@@ -49,7 +49,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     VECTOR(int) key = passed ? fragments->key : (VECTOR(int))(FARTHEST_KEY);
     UNROLL for (int i = LAYERS_A_PASS - 1; i > 0; --i) {
         Fragments *slot = b->slot + i, *before = slot - 1;
-        VECTOR(uint) moved = key < before->key ? before->payload : fragments->payload;
+        VECTOR(int) moved = key < before->key ? before->payload : fragments->payload;
         slot->payload = key < slot->key ? moved : slot->payload;
         slot->key = MIN(slot->key, MAX(before->key, key));
     }
@@ -58,7 +58,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     return passed;
 }
 
-INLINE VECTOR(uint) peeled(const Buffers *b, int i) { return b->slot[i].payload; }
+INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot[i].payload; }
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
 
