@@ -19,6 +19,7 @@
 //   end_pass(buffers, same_depth)           returns where there is more to peel
 //   seen_through(buffers)                   the transmittance of what is peeled and lies in front of what is not
 //   merge(buffers, merged)                  the colour buffers to premultiplied colour and transmittance
+//                                           with VALUES (buffers, merged, parameters, found): and four numbers a pixel besides
 //
 // same_depth: 0, or ~0 in the lower half: fragments of equal depth are then one, the first submitted, as in the papers.
 #ifndef PEEL_H
@@ -28,7 +29,7 @@
 #include "raster.h"
 
 // The colours of a strip's fragments. Those that vary over a face are not kept: they are computed where a layer is blended,
-// and the payload says at which place in the lists the record is.
+// and the payload says at which place in the tile's list the record is.
 INLINE void colors_of(VECTOR(ulong) fragment, int strip, int tile_x, int tile_y, int width, int height,
                       global const Triangle *triangles, global const uint *pairs, global const uint *faces,
                       global const void *palette, global const float *weights, global const float *normals, float3 view,
@@ -65,9 +66,12 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                  int occlusion_query, int keep_coincident, volatile global uint *pass_totals, global uint *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green,
                  float blue, int has_background, int keep_color, volatile global uint *clamped, global uint *image,
-                 global float4 *color)
+                 global float4 *color, global const float *parameters, global float4 *values)
 {
     local Colors layer[TILE_PIXELS / STRIP];
+#if VALUES
+    local Colors found[TILE_PIXELS / STRIP];
+#endif
     local uint taken, totals[TILE_TOTALS];
     const ulong same_depth = keep_coincident ? 0 : 0xFFFFFFFFul;
     const float3 view = (float3)(view_x, view_y, view_z);
@@ -94,7 +98,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own);
             VISITS((1u << TILE_BLOCKS) - 1)
             VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
-            fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
+            fragment |= (VECTOR(ulong))((ulong)PAYLOAD(FRAGMENT_COLOR ? place - list_begin : t->source, t));
             if (pass == 0) fragments += POPCOUNT(BITS_OF(covered));
             passed += POPCOUNT(BITS_OF(pass_samples(buffers + OWN(block), covered, fragment, same_depth)));
             END_VISITS
@@ -102,11 +106,11 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 for (int i = 0; i < PEELED; ++i) {
                     Colors colors;
                     VECTOR(ulong) fragment = peeled(buffers + own, i);
-                    VECTOR(int) found = CONVERT(int, STRIP, fragment != (VECTOR(ulong))(ABSENT));
-                    if (BITS_OF(found) == 0) continue;
-                    layers[own] -= PASTE(as_, VECTOR(uint))(found);
-                    colors_of(fragment, own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette,
-                              weights, normals, view, &colors);
+                    VECTOR(int) present = CONVERT(int, STRIP, fragment != (VECTOR(ulong))(ABSENT));
+                    if (BITS_OF(present) == 0) continue;
+                    layers[own] -= PASTE(as_, VECTOR(uint))(present);
+                    colors_of(fragment, own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs + list_begin,
+                              faces, palette, weights, normals, view, &colors);
                     blend_peeled(buffers + own, i, &colors);
                 }
                 more[own] = end_pass(buffers + own, same_depth);
@@ -118,7 +122,13 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         uint truncated = 0, deepest = 0, hidden = 0;
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
             Colors merged;
+#if VALUES
+            Colors measured;
+            merge(buffers + own, &merged, parameters, &measured);
+            found[own * LANES + lane] = measured;
+#else
             merge(buffers + own, &merged);
+#endif
             VECTOR(float) seen = seen_through(buffers + own);
             for (int k = 0; k < STRIP; ++k) {
                 float through = ((const float *)&seen)[k];
@@ -139,6 +149,9 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         uint beyond_one = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
                                          blue, has_background, keep_color, image, color);
         if (beyond_one) atomic_add(clamped, beyond_one);
+#if VALUES
+        store_values(found, first_tile + tile, columns, side_bits, picture_width, picture_height, values);
+#endif
         barrier(CLK_LOCAL_MEM_FENCE);
     }
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from clpeel.composite import Finished
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.techniques import (
@@ -12,6 +13,8 @@ from clpeel.techniques import (
     dual_depth_peeling,
     multi_layer_peeling,
     sort,
+    thickness,
+    translucency,
     weighted_average,
     weighted_sum,
 )
@@ -36,6 +39,9 @@ class Technique:
     )
     exact: bool
     options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
+    maps: tuple[str, ...] = ()  # of `Result`, that it makes besides the picture; the first is what `--map` writes
+    finish: Callable[..., Finished] | None = None
+    """Of techniques with maps: (picture, triangles, background, **options) makes them of what was found (picture.values)."""
 
 
 TECHNIQUES: dict[str, Technique] = {
@@ -57,6 +63,26 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=(*PEELING, "layers_per_pass"),
     ),
+    "thickness": Technique(
+        thickness.SUMMARY,
+        thickness.draw,
+        thickness.SCRATCH_BYTES,
+        passes=1,
+        exact=False,
+        options=thickness.OPTIONS,
+        maps=thickness.MAPS,
+        finish=thickness.finish,
+    ),
+    "translucency": Technique(
+        translucency.SUMMARY,
+        translucency.draw,
+        thickness.SCRATCH_BYTES,
+        passes=1,
+        exact=False,
+        options=translucency.OPTIONS,
+        maps=thickness.MAPS,
+        finish=translucency.finish,
+    ),
     "weighted-average": Technique(
         weighted_average.SUMMARY, weighted_average.draw, 0, passes=1, exact=False, options=("precision",)
     ),
@@ -71,3 +97,8 @@ def technique(name: str) -> Technique:
     if name not in TECHNIQUES:
         raise InputError(f"technique: expected one of {', '.join(TECHNIQUES)}; got {name!r}")
     return TECHNIQUES[name]
+
+
+def with_map(name: str) -> list[str]:
+    """The techniques that make the map of that name."""
+    return [technique for technique, made in TECHNIQUES.items() if name in made.maps]
