@@ -77,7 +77,7 @@ class Result:
 
     @property
     def thickness(self) -> NDArray[np.float32]:
-        """float32 [height, width], in scene units unless `projected`, the mean of a pixel's samples; 0 where nothing is."""
+        """float32 [height, width], in scene units unless `projected`: the mean of a pixel's samples, 0 for empty ones."""
         return self.map("thickness")
 
     @property
@@ -192,6 +192,8 @@ class Renderer:
         seconds["host"] = total - sum(seconds.values())
         seconds["total"] = total
         buffers = {name: int(held.size) for name, held in gpu.buffers.items()}
+        if picture.values is not None:
+            buffers["values"] = picture.values.nbytes
         pixels = size[0] * size[1]
         samples_passed = [
             sum(passed) for passed in zip_longest(*(drawn.samples_passed for drawn in found), fillvalue=0)

@@ -69,11 +69,7 @@ def draw_scale_bar(
         draw.rectangle((pad, y, pad + bar_width - 1, y + bar_width - 1), tuple(int(part * 255) for part in OUTSIDE))
         draw.text((pad + bar_width + gap, y + bar_width // 2), "unpaired", INK, font, anchor="lm")
 
-    places = [
-        (x, y)
-        for y in (height - panel_height - pad, pad)
-        for x in (width - panel_width - pad, pad)
-    ]
+    places = [(x, y) for y in (height - panel_height - pad, pad) for x in (width - panel_width - pad, pad)]
     x, y = min(places, key=lambda at: int(occupied[at[1] : at[1] + panel_height, at[0] : at[0] + panel_width].sum()))
     under = image[y : y + panel_height, x : x + panel_width]
     under[...] = np.asarray(Image.alpha_composite(Image.fromarray(np.ascontiguousarray(under)), panel))

@@ -82,7 +82,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
             "bytes": {"fragments": 4096},
             "device": "a device",
         }
-        return SimpleNamespace(image=image, stats=stats)
+        return SimpleNamespace(image=image, stats=stats, map=lambda name: np.zeros((height, width), np.float32))
 
     monkeypatch.setattr(clpeel, "render", render)
     return record
@@ -109,7 +109,8 @@ def test_help_is_ascii_and_names_every_option() -> None:
         "--output -o --resolution --opacity --color --background-color --no-background --unlit --camera-position "
         "--camera-focal-point --camera-view-up --camera-view-angle --camera-direction --camera-azimuth-angle "
         "--camera-elevation-angle --camera-zoom-factor --camera-orthographic --up --clipping-range --technique "
-        "--passes --no-occlusion-query --coincident --precision --layers --memory --device --lanes --samples "
+        "--passes --no-occlusion-query --coincident --precision --layers --memory --device --lanes --samples --variant "
+        "--projected --thickness-range --no-scale-bar --map --sigma --light-color "
         "--stats[=FILE.json] --verbose --quiet --no-progress"
     ).split():
         assert option in text

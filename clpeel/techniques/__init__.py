@@ -41,7 +41,7 @@ class Technique:
     options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
     maps: tuple[str, ...] = ()  # of `Result`, that it makes besides the picture; the first is what `--map` writes
     finish: Callable[..., Finished] | None = None
-    """Of techniques with maps: (picture, triangles, background, **options) makes them of what was found (picture.values)."""
+    """Of techniques with maps: (picture, triangles, background, **options) makes them of picture.values."""
 
 
 TECHNIQUES: dict[str, Technique] = {

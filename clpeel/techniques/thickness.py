@@ -29,8 +29,8 @@ OPTIONS = ("variant", "projected", "thickness_range", "scale_bar")
 MAPS = ("thickness", "unpaired")
 
 VARIANTS = ("exact", "total", "first-solid")
-"""Lengths within the surfaces, by all fragments sorted; nearest to farthest crossing; the first entry to the first exit.
-In the order of the kernels' numbers (thickness.h)."""
+"""Lengths within the surfaces, by all fragments sorted; from the nearest crossing to the farthest; from the first entry
+to the first exit. In the order of the kernels' numbers (thickness.h)."""
 
 STRIP_PIXELS = 1 << 20
 """Pixels that are coloured at once, which bounds what that takes besides the picture."""

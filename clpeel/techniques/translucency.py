@@ -27,7 +27,7 @@ LIGHT_COLOR = (1.0, 0.93, 0.8)
 REFLECTANCE = 0.35
 """What a white surface reflects of the light at the camera."""
 
-OPTICAL_DIAGONAL = 8.0
+OPTICAL_DIAGONAL = 6.0
 """sigma, unless told, times the diagonal of the scene's bounds."""
 
 
