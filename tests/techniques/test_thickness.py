@@ -215,7 +215,7 @@ def test_the_same_bits_with_any_lanes_and_memory(judge: Judge) -> None:
     for variant in VARIANTS:
         runs = [
             render(soup, BENCH, (90, 70), variant, lanes=lanes, memory=memory)
-            for lanes in (1, 16, 64)
+            for lanes in (1, 64)
             for memory in ("256M", "1M")
         ]
         assert runs[0].stats["batches"] == 1 < runs[1].stats["batches"]
