@@ -77,7 +77,7 @@ class Result:
 
     @property
     def thickness(self) -> NDArray[np.float32]:
-        """float32 [height, width], in scene units unless `projected`: the mean of a pixel's samples, 0 for empty ones."""
+        """float32 [height, width], scene units unless `projected`: the mean of a pixel's samples, 0 for empty ones."""
         return self.map("thickness")
 
     @property

@@ -29,10 +29,10 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
 def draw_scale_bar(
     image: NDArray[np.uint8], low: float, high: float, label: str, occupied: NDArray[np.bool_], unpaired: bool
 ) -> None:
-    """Draws the bar for low..high into the corner that is the least occupied, or nothing where the picture is too small.
+    """Draws the bar for low..high into the least occupied corner, or nothing where the picture is too small.
 
-    image: uint8 [height, width, 4], straight alpha. occupied: bool [height, width]. unpaired: whether to say what OUTSIDE
-    means, too.
+    image: uint8 [height, width, 4], straight alpha. occupied: bool [height, width]. unpaired: whether to say what
+    OUTSIDE means, too.
     """
     from PIL import Image, ImageDraw, ImageFont
 

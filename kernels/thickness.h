@@ -40,12 +40,12 @@ INLINE VECTOR(float) depth_of(VECTOR(ulong) fragment)
     return PASTE(as_, VECTOR(float))(negative ? key : ~key & (VECTOR(uint))(0x7FFFFFFFu));
 }
 
-// The length between two crossings, before it is multiplied with what the host says. Window depths, and those of parallel
-// projection, are linear in depth. Else depth is near / distance, and  near / b - near / a = near (a - b) / (a b): the
+// The length between two crossings, before it is multiplied with what the host says. Window depths, and distances in parallel
+// projection, are linear in depth: the host then says that there is no PERSPECTIVE. Else depth is near / distance, and  near / b - near / a = near (a - b) / (a b): the
 // difference is taken of depths, as it is exact where they lie within a factor of two (Sterbenz 1974).
 INLINE VECTOR(float) length_between(VECTOR(float) nearer, VECTOR(float) farther)
 {
-#if PERSPECTIVE && !PROJECTED
+#if PERSPECTIVE
     return (nearer - farther) / nearer / farther;
 #else
     return nearer - farther;

@@ -54,7 +54,7 @@ def random_solids(seed: int, count: int) -> Soup:
 class Rays:
     """The crossings of every pixel's ray with a scene, and what they make.
 
-    thickness[variant], bound[variant]: float64 [h, w], and how far clpeel may be off; unpaired[variant]: bool; edge: bool,
+    thickness[variant], bound[variant]: float64 [h, w], how far clpeel may be off; unpaired[variant]: bool; edge: bool,
     pixels whose coverage rounding may change; tie: where rounding may say otherwise which crossing is nearer.
 
     The length where the count is not zero changes by at most what a crossing moves, and so do the difference of the
@@ -106,8 +106,7 @@ class Rays:
         self.covered = layers > 0
         self.thickness = {name: found.reshape(height, width) for name, found in thickness.items()}
         self.bound = {
-            name: reach.reshape(height, width) + (layers + 5) * UNIT * found
-            for name, found in self.thickness.items()
+            name: reach.reshape(height, width) + (layers + 5) * UNIT * found for name, found in self.thickness.items()
         }
         unpaired = {"exact": winding != 0, "total": winding > count, "first-solid": (nearest < np.inf) & ~paired}
         self.unpaired = {name: found.reshape(height, width) for name, found in unpaired.items()}

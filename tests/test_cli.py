@@ -653,7 +653,9 @@ def test_thickness_on_the_command_line(mesh: Path, tmp_path: Path, capfd: Any) -
         (["--projected"], "projected: the technique 'sort' has no such option"),
     ],
 )
-def test_thickness_options_that_cannot_be(options: list[str], message: str, mesh: Path, tmp_path: Path, capfd: Any) -> None:
+def test_thickness_options_that_cannot_be(
+    options: list[str], message: str, mesh: Path, tmp_path: Path, capfd: Any
+) -> None:
     assert cli.main(["render", str(mesh), "-o", str(tmp_path / "x.png"), *options]) == 2
     error = capfd.readouterr().err
     assert message in error and error.count("\n") == 1 and not (tmp_path / "x.png").exists()

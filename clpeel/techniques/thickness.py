@@ -59,7 +59,11 @@ def measure(
         raise InputError(f"projected: expected True or False, got {projected!r}")
     numbers = np.array([length_unit(triangles, projected), *parameters])
     target = {**target, "parameters": gpu.put("parameters", numbers.astype(np.float32))}
-    defines = {"VARIANT": VARIANTS.index(variant), "PROJECTED": int(projected)}
+    defines = {"VARIANT": VARIANTS.index(variant)}
+    features = triangles.features
+    linear = projected or not features.perspective  # thickness.h, length_between
+    # Where positions are pairs has been seen to: one build less.
+    triangles = replace(triangles, features=replace(features, perspective=not linear, low_positions=False))
     if variant == "exact":
         return draw_once(path, SCRATCH_BYTES, gpu, triangles, batch, target, capacity, report, **defines)
     return peel(path, 0, gpu, triangles, batch, target, capacity, report, passes=1, defines=defines)
@@ -135,14 +139,14 @@ def finish(
     maps, stats = maps_of(picture)
     values = picture.values
     assert values is not None
-    covered = np.maximum(values[..., 2], np.finfo(np.float32).tiny)
-    shown = np.divide(maps["thickness"], covered, dtype=np.float32)
+    covered = values[..., 2]
+    some = covered > 0
+    shown = np.divide(maps["thickness"], covered, out=np.zeros_like(maps["thickness"]), where=some)
     given = checked_range(thickness_range)
     if given is None:
         paired = shown[~maps["unpaired"]]
         given = 0.0, float(paired.max(initial=0.0)) or float(shown.max()) or 1.0
     low, high = given
-    some = values[..., 2] > 0
     stats |= {
         "thickness_range": [low, high],
         "clamped_pixels": int(np.count_nonzero(some & ~maps["unpaired"] & ((shown < low) | (shown > high)))),
@@ -150,20 +154,22 @@ def finish(
     }
     height, width = shown.shape
     image = np.empty((height, width, 4), np.uint8)
-    color = None if picture.color is None else np.empty((height, width, 4), np.float32)
+    image[...] = (0, 0, 0, 0) if background is None else (np.array([*background, 1.0]) * 255 + 0.5).astype(np.uint8)
+    color = None if picture.color is None else np.zeros((height, width, 4), np.float32)
     rows = max(STRIP_PIXELS // width, 1)
     for top in range(0, height, rows):
-        strip = slice(top, top + rows)
-        share = values[strip, :, 2:3]
-        unpaired = values[strip, :, 1:2] / covered[strip, :, None]
-        rgb = colors_at((shown[strip] - low) / (high - low)) * (1 - unpaired) + OUTSIDE * unpaired
+        row, column = np.nonzero(some[top : top + rows])
+        row += top
+        share = covered[row, column][:, None]
+        unpaired = values[row, column, 1][:, None] / share
+        rgb = colors_at((shown[row, column] - low) / (high - low)) * (1 - unpaired) + OUTSIDE * unpaired
         if color is not None:
-            color[strip] = np.concatenate([rgb * share, share], axis=-1)
+            color[row, column] = np.concatenate([rgb * share, share], axis=-1)
         if background is None:
-            over = np.concatenate([rgb * (share > 0), share], axis=-1)
+            over = np.concatenate([rgb, share], axis=-1)
         else:
             over = np.concatenate([rgb * share + (1 - share) * np.array(background), np.ones_like(share)], axis=-1)
-        image[strip] = (over * 255 + 0.5).astype(np.uint8)
+        image[row, column] = (over * 255 + 0.5).astype(np.uint8)
     if scale_bar:
         label = "thickness, " + ("projected" if projected else "scene units")
         draw_scale_bar(image, low, high, label, some, bool(stats["unpaired_pixels"]))

@@ -285,9 +285,7 @@ def test_the_scale_bar() -> None:
     hole = soups.separate([[[-2.0, -2, -1], [-0.9, -2, -1], [-2, -0.9, -1]]], (0.5, 0.5, 0.5, 0.5))
     soup = soups.merge(box((-0.3, -0.3, -0.5), (0.3, 0.3, 0.5)), hole)
     for background in ((0.0, 0.0, 0.0), None):
-        bare, barred = (
-            render(soup, BENCH, (320, 240), scale_bar=bar, background=background) for bar in (False, True)
-        )
+        bare, barred = (render(soup, BENCH, (320, 240), scale_bar=bar, background=background) for bar in (False, True))
         changed = (bare.image != barred.image).any(axis=2)
         rows, columns = np.nonzero(changed)
         assert 0.03 < changed.mean() < 0.2
@@ -386,7 +384,7 @@ def test_other_techniques_have_no_thickness() -> None:
 
 
 def test_too_deep_for_the_memory_is_refused_or_needs_none() -> None:
-    # 300,000 crossings of one pixel take 2.4 MB in the least memory there is; the variants that do not sort keep two of them.
+    # 300,000 crossings of one pixel take 2.4 MB, more than the least memory; those that do not sort keep two of them.
     count = 150_000
     z = np.linspace(1, 7, count)
     soup = soups.stack(np.r_[z, z], (1, 1, 1, 1), reach=4.0)

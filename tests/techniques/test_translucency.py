@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
-# C = F + (1 - F) B with F = r L S and B = light S T: products of up to 4 rounded numbers below one, their difference and
-# sum, 10 roundings; T itself is off by 1 in the scale, 2 in the series' last steps and 2 of the exponent x, which is worth
-# x exp(-x) < 0.4 of each: 4 more.
+# C = F + (1 - F) B with F = r L S and B = light S T: products of up to 4 rounded numbers below one, their difference
+# and sum, 10 roundings; T itself is off by 1 in the scale, 2 in the series' last steps and 2 of the exponent x, which
+# are worth x exp(-x) < 0.4 of each: 4 more.
 ROUNDINGS = 14 * UNIT
 
 
