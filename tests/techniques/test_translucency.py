@@ -114,8 +114,10 @@ def test_exp_of_all_sizes(lanes: int) -> None:
         result = render(soup, BENCH, (64, 8), lanes=lanes, sigma=sigma, light_color=(1, 1, 1))
         assert not result.unpaired.any() and result.thickness.max() > 1.4
         through = np.exp(-sigma * result.thickness.astype(float))
-        error = result.color[..., :3] - formula(np.ones(3), through, (1, 1, 1))
-        assert np.abs(error)[result.color[..., 3] == 1].max() <= ROUNDINGS
+        error = np.abs(result.color[..., :3] - formula(np.ones(3), through, (1, 1, 1)))
+        # Of white only T is rounded much: 3 of itself, and 2 x T < 0.8 for x; by 1 - F = 0.65, which is rounded, as the
+        # product is; and 0.35 twice and the sum: below 2 + 4 T.
+        assert (error <= UNIT * (2 + 4 * through[..., None]))[result.color[..., 3] == 1].all()
 
 
 def test_leaves_before_a_statue(lanes: int) -> None:
