@@ -28,8 +28,8 @@
 #define FACING 1
 #define VALUES 1
 
-#include "composite.h"
-#include "raster.h"
+// Here, as each file is put in once, where it is first asked for, and what draw.h and peel.h share must not stand in either.
+#include "opaque.h"
 #include "sorting.h"
 
 // The depth of a key, or of a fragment's.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from clpeel.composite import Finished
 from clpeel.draw import Drawn
@@ -11,6 +12,7 @@ from clpeel.errors import InputError
 from clpeel.techniques import (
     depth_peeling,
     dual_depth_peeling,
+    glowscript,
     multi_layer_peeling,
     sort,
     thickness,
@@ -20,7 +22,7 @@ from clpeel.techniques import (
 )
 
 PEELING = ("passes", "occlusion_query", "coincident")
-"""Options of all that peel (peel.py)."""
+"""Options of all that peel until nothing is left (peel.py)."""
 
 
 @dataclass(frozen=True)
@@ -28,16 +30,16 @@ class Technique:
     """How layers are found and blended.
 
     draw: (gpu, triangles, batch, target, capacity, report, **options) draws a batch of tiles with room for `capacity`
-    fragments; fragment_bytes: what it needs for each besides the fragment.
+    fragments; buffer_bytes: (layers, options) tells what it keeps of a sample with so many layers; fragment_bytes: what
+    it needs for each fragment besides the fragment.
     """
 
     summary: str
     draw: Callable[..., Drawn]
-    fragment_bytes: int
-    passes: (
-        int  # geometry passes at least, as the paper counts them; those that peel need more, the more layers there are
-    )
-    exact: bool
+    buffer_bytes: Callable[[int, dict[str, Any]], int]
+    fragment_bytes: int = 0
+    passes: int = 0  # geometry passes at least, as the papers count them; those that peel need more for more layers
+    exact: bool = False
     options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
     maps: tuple[str, ...] = ()  # of `Result`, that it makes besides the picture; the first is what `--map` writes
     finish: Callable[..., Finished] | None = None
@@ -45,12 +47,16 @@ class Technique:
 
 
 TECHNIQUES: dict[str, Technique] = {
-    "sort": Technique(sort.SUMMARY, sort.draw, sort.SCRATCH_BYTES, passes=1, exact=True),
-    "depth-peeling": Technique(depth_peeling.SUMMARY, depth_peeling.draw, 0, passes=0, exact=True, options=PEELING),
+    "sort": Technique(
+        sort.SUMMARY, sort.draw, sort.buffer_bytes, fragment_bytes=sort.SCRATCH_BYTES, passes=1, exact=True
+    ),
+    "depth-peeling": Technique(
+        depth_peeling.SUMMARY, depth_peeling.draw, depth_peeling.buffer_bytes, exact=True, options=PEELING
+    ),
     "dual-depth-peeling": Technique(
         dual_depth_peeling.SUMMARY,
         dual_depth_peeling.draw,
-        0,
+        dual_depth_peeling.buffer_bytes,
         passes=dual_depth_peeling.FIRST_PASSES,
         exact=True,
         options=PEELING,
@@ -58,17 +64,19 @@ TECHNIQUES: dict[str, Technique] = {
     "multi-layer-peeling": Technique(
         multi_layer_peeling.SUMMARY,
         multi_layer_peeling.draw,
-        0,
-        passes=0,
+        multi_layer_peeling.buffer_bytes,
         exact=True,
-        options=(*PEELING, "layers_per_pass"),
+        options=(*PEELING, "layers_per_pass", "hazard_window", "hazard_order", "torn_writes"),
+    ),
+    "glowscript": Technique(
+        glowscript.SUMMARY, glowscript.draw, glowscript.buffer_bytes, options=("passes", "coincident")
     ),
     "thickness": Technique(
         thickness.SUMMARY,
         thickness.draw,
-        thickness.SCRATCH_BYTES,
+        thickness.buffer_bytes,
+        fragment_bytes=thickness.SCRATCH_BYTES,
         passes=1,
-        exact=False,
         options=thickness.OPTIONS,
         maps=thickness.MAPS,
         finish=thickness.finish,
@@ -76,18 +84,18 @@ TECHNIQUES: dict[str, Technique] = {
     "translucency": Technique(
         translucency.SUMMARY,
         translucency.draw,
-        thickness.SCRATCH_BYTES,
+        thickness.buffer_bytes,
+        fragment_bytes=thickness.SCRATCH_BYTES,
         passes=1,
-        exact=False,
         options=translucency.OPTIONS,
         maps=thickness.MAPS,
         finish=translucency.finish,
     ),
     "weighted-average": Technique(
-        weighted_average.SUMMARY, weighted_average.draw, 0, passes=1, exact=False, options=("precision",)
+        weighted_average.SUMMARY, weighted_average.draw, weighted_sum.buffer_bytes, passes=1, options=("precision",)
     ),
     "weighted-sum": Technique(
-        weighted_sum.SUMMARY, weighted_sum.draw, 0, passes=1, exact=False, options=("precision",)
+        weighted_sum.SUMMARY, weighted_sum.draw, weighted_sum.buffer_bytes, passes=1, options=("precision",)
     ),
 }
 

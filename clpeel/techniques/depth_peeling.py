@@ -6,9 +6,17 @@ Everitt 2001; Bavoil and Myers 2008, "Depth Peeling": N layers take N geometry p
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 from clpeel.peel import peel
+from clpeel.techniques import multi_layer_peeling
 
 SUMMARY = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
+
+
+def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
+    """Those of multi-layer peeling of one layer a pass."""
+    return multi_layer_peeling.buffer_bytes(layers, {"layers_per_pass": 1})
+
 
 draw = partial(peel, "techniques/depth-peeling.cl", 0)

@@ -36,6 +36,11 @@ STRIP_PIXELS = 1 << 20
 """Pixels that are coloured at once, which bounds what that takes besides the picture."""
 
 
+def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
+    """All fragments of a sample, or the two that MIN blending keeps."""
+    return FRAGMENT_BYTES * (layers if options.get("variant", "exact") == "exact" else 2)
+
+
 def measure(
     path: str,
     variant: str,
