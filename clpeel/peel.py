@@ -87,7 +87,7 @@ def peel(
     draw_tiles(
         gpu,
         path.removesuffix(".cl").rpartition("/")[2],
-        program(gpu, path, triangles.features, **(defines or {}))["peel"],
+        program(gpu, path, triangles.features, **(defines or {}), BY_DEPTH=int(coincident == "paper"))["peel"],
         groups_for(gpu, batch),
         batch,
         report,
@@ -97,7 +97,6 @@ def peel(
         most_passes=most_passes,
         most_repeats=most_repeats,
         occlusion_query=occlusion_query,
-        keep_coincident=coincident == "keep",
         pass_totals=pass_totals,
         tile_totals=tile_totals,
     )

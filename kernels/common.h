@@ -81,6 +81,9 @@ INLINE uint bits_of16(int16 truth)
 {
 #if defined(__AVX512F__) && __has_builtin(__builtin_ia32_cmpd512_mask)
     return (ushort)__builtin_ia32_cmpd512_mask(truth, (int16)(0), 4, -1);  // the mask of "not equal", one instruction
+#elif defined(__AVX__) && __has_builtin(__builtin_ia32_movmskps256)
+    float16 signs = as_float16(truth);
+    return (uint)__builtin_ia32_movmskps256(signs.lo) | (uint)__builtin_ia32_movmskps256(signs.hi) << 8;
 #else
     int16 bit = truth & (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
     int8 a = bit.lo | bit.hi;

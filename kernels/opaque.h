@@ -42,7 +42,7 @@ INLINE uint draw_opaque(global const Triangle *triangles, global const uint *pai
         samples += POPCOUNT(BITS_OF(found));
         behind[own].red = behind[own].green = behind[own].blue = (VECTOR(float))(0.0f);
         if (BITS_OF(found))
-            colors_of(z_far[own], own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette, weights,
+            colors_of(CONVERT(uint, STRIP, z_far[own]), own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette, weights,
                       normals, view, behind + own);
         behind[own].alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
         for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)  // from a record's place to its submission index

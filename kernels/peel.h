@@ -12,11 +12,11 @@
 //   Buffers                                 what it keeps of a strip's pixels
 //   clear_buffers(buffers)
 //   begin_pass(buffers)                     returns how many samples pass that need not be looked for
-//   pass_samples(buffers, covered, fragment, same_depth)   blends the fragments (raster.h) of a strip's covered samples
-//                                           into the depth buffers; returns those that passed
-//   peeled(buffers, i)                      the i-th layer that the pass has peeled, ABSENT where there is none
+//   pass_samples(buffers, covered, fragments)   blends the fragments of a strip's covered samples into the depth buffers;
+//                                           returns those that passed
+//   peeled(buffers, i)                      payloads of the i-th layer that the pass has peeled, NO_PAYLOAD where there is none
 //   blend_peeled(buffers, i, colors)        blends it into the colour buffers
-//   end_pass(buffers, same_depth)           returns where there is more to peel
+//   end_pass(buffers)                       returns where there is more to peel
 //   seen_through(buffers)                   the transmittance of what is peeled and lies in front of what is not
 //   merge(buffers, merged)                  puts the colour buffers over premultiplied colour and transmittance
 //                                           with VALUES (buffers, merged, parameters, found): and four numbers a pixel besides
@@ -26,11 +26,12 @@
 //   goes_round(buffers)                     ends one of these; returns 1 + the number of a pixel for which there is no end to
 //                                           them, or 0
 //
-// same_depth: 0, or ~0 in the lower half: fragments of equal depth are then one, the first submitted, as in the papers.
+// It includes peeling.h first, for what all of them do with fragments.
 #ifndef PEEL_H
 #define PEEL_H
 
 #include "opaque.h"
+#include "peeling.h"
 
 #ifndef REPEATS
 #define REPEATS 0
@@ -45,7 +46,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                  global const uint *faces, global const void *palette, global const float *weights,
                  global const float *normals, float view_x, float view_y, float view_z, uint most_passes,
-                 uint most_repeats, int occlusion_query, int keep_coincident, volatile global uint *pass_totals, global uint *tile_totals,
+                 uint most_repeats, int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green,
                  float blue, int has_background, int keep_color, volatile global uint *clamped, global uint *image,
                  global float4 *color, global const float *parameters, global float4 *values)
@@ -55,7 +56,6 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
     local Colors found[TILE_PIXELS / STRIP];
 #endif
     local uint taken, totals[TILE_TOTALS];
-    const ulong same_depth = keep_coincident ? 0 : 0xFFFFFFFFul;
     const float3 view = (float3)(view_x, view_y, view_z);
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     for (;;) {
@@ -91,14 +91,16 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             passed = 0, left_over = false;
             for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own);
             VISITS((1u << TILE_BLOCKS) - 1)
-            VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+            VECTOR(uint) key = keys_of(t, weight);
             if (MIXED) {
-                VECTOR(ulong) submitted = fragment | (VECTOR(ulong))((ulong)t->source);
-                covered &= CONVERT(int, STRIP, submitted < (z_far[OWN(block)] & (VECTOR(ulong))(~same_depth)));
+                VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
+                submitted |= (VECTOR(ulong))((ulong)(BY_DEPTH ? 0xFFFFFFFFu : t->source));
+                covered &= CONVERT(int, STRIP, submitted < z_far[OWN(block)]);
             }
-            fragment |= (VECTOR(ulong))((ulong)PAYLOAD(FRAGMENT_COLOR ? place - numbered_from : t->source, t));
+            Fragments arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
+                                  (VECTOR(uint))(PAYLOAD(FRAGMENT_COLOR ? place - numbered_from : t->source, t))};
             if (pass == 0) fragments += POPCOUNT(BITS_OF(covered));
-            passed += POPCOUNT(BITS_OF(pass_samples(buffers + OWN(block), covered, fragment, same_depth)));
+            passed += POPCOUNT(BITS_OF(pass_samples(buffers + OWN(block), covered, &arriving)));
             END_VISITS
             volatile global uint *totals_of_pass = pass_totals + 4 * pass++;
             if (passed) add_long(totals_of_pass, passed);
@@ -121,15 +123,15 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             for (int own = 0; own < STRIPS_A_LANE && passed; ++own) {
                 for (int i = 0; i < PEELED; ++i) {
                     Colors colors;
-                    VECTOR(ulong) fragment = peeled(buffers + own, i);
-                    VECTOR(int) present = CONVERT(int, STRIP, fragment != (VECTOR(ulong))(ABSENT));
+                    VECTOR(uint) payload = peeled(buffers + own, i);
+                    VECTOR(int) present = payload != (VECTOR(uint))(NO_PAYLOAD);
                     if (BITS_OF(present) == 0) continue;
                     layers[own] -= PASTE(as_, VECTOR(uint))(present);
-                    colors_of(fragment, own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs + numbered_from,
+                    colors_of(payload, own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs + numbered_from,
                               faces, palette, weights, normals, view, &colors);
                     blend_peeled(buffers + own, i, &colors);
                 }
-                more[own] = end_pass(buffers + own, same_depth);
+                more[own] = end_pass(buffers + own);
                 left_over |= BITS_OF(more[own]) != 0;
             }
             if (!REPEATS && lane == 0) add_long(totals_of_pass + 2, TICKS() - begun);

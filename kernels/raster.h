@@ -251,7 +251,7 @@ INLINE float4 shade(const float weight[3], uint record, uint source, global cons
 
 // The colours of a strip's fragments that have a face's colour, or else the place of their record in the lists as payload:
 // colours that vary over a face are not kept then, but computed where they are needed.
-INLINE void colors_of(VECTOR(ulong) fragment, int strip, int tile_x, int tile_y, int width, int height,
+INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, int width, int height,
                       global const Triangle *triangles, global const uint *pairs, global const uint *faces,
                       global const void *palette, global const float *weights, global const float *normals, float3 view,
                       Colors *colors)
@@ -259,20 +259,21 @@ INLINE void colors_of(VECTOR(ulong) fragment, int strip, int tile_x, int tile_y,
 #if FRAGMENT_COLOR
     for (int k = 0; k < STRIP; ++k) {
         float4 color = (float4)(0.0f);
-        uint payload = (uint)((const ulong *)&fragment)[k];
-        if (payload != (uint)ABSENT) {
+        uint at = ((const uint *)&payload)[k];
+        if (at != (uint)ABSENT) {
             int pixel = strip * STRIP + k, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
             int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, width);
             int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, height);
             float weight[3];
-            global const Triangle *t = triangles + pairs[payload];
+            global const Triangle *t = triangles + pairs[at];
             weights_at(t, x, y, weight);
-            color = shade(weight, pairs[payload], t->source, faces, palette, weights, normals, view);
+            color = shade(weight, pairs[at], t->source, faces, palette, weights, normals, view);
         }
         ((float *)&colors->red)[k] = color.x, ((float *)&colors->green)[k] = color.y;
         ((float *)&colors->blue)[k] = color.z, ((float *)&colors->alpha)[k] = color.w;
     }
 #else
+    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, payload);
     fetch_colors(&fragment, 1, palette, colors);
 #endif
 }

@@ -32,10 +32,9 @@
 #include "opaque.h"
 #include "sorting.h"
 
-// The depth of a key, or of a fragment's.
-INLINE VECTOR(float) depth_of(VECTOR(ulong) fragment)
+// The depth of a key.
+INLINE VECTOR(float) depth_of(VECTOR(uint) key)
 {
-    VECTOR(uint) key = CONVERT(uint, STRIP, fragment >> (VECTOR(ulong))(32));
     VECTOR(int) negative = (key & (VECTOR(uint))(0x80000000u)) != (VECTOR(uint))(0u);
     return PASTE(as_, VECTOR(float))(negative ? key : ~key & (VECTOR(uint))(0x7FFFFFFFu));
 }
@@ -52,20 +51,7 @@ INLINE VECTOR(float) length_between(VECTOR(float) nearer, VECTOR(float) farther)
 #endif
 }
 
-// A fragment whose payload tells no facing any more: for its colour.
-INLINE VECTOR(ulong) without_facing(VECTOR(ulong) fragment)
-{
-    const VECTOR(ulong) payload = (VECTOR(ulong))(0xFFFFFFFFul);
-    VECTOR(ulong) bare = (fragment & ~payload) | (fragment & payload) >> (VECTOR(ulong))(1);
-    return fragment == (VECTOR(ulong))(ABSENT) ? fragment : bare;
-}
-
-INLINE VECTOR(int) is_present(VECTOR(ulong) fragment) { return CONVERT(int, STRIP, fragment != (VECTOR(ulong))(ABSENT)); }
-
-INLINE VECTOR(int) is_back(VECTOR(ulong) fragment)
-{
-    return CONVERT(int, STRIP, (fragment & (VECTOR(ulong))(1)) != (VECTOR(ulong))(0));
-}
+INLINE VECTOR(int) is_back(VECTOR(uint) payload) { return (payload & (VECTOR(uint))(1)) != (VECTOR(uint))(0); }
 
 // What both ways of finding it end with.
 INLINE void measure(VECTOR(int) covered, VECTOR(float) length, VECTOR(int) unpaired, const Colors *foremost,
@@ -85,6 +71,14 @@ INLINE void measure(VECTOR(int) covered, VECTOR(float) length, VECTOR(int) unpai
 
 #if VARIANT == EXACT
 
+// Fragments whose payload tells no facing any more: for their colours.
+INLINE VECTOR(ulong) without_facing(VECTOR(ulong) fragment)
+{
+    const VECTOR(ulong) payload = (VECTOR(ulong))(0xFFFFFFFFul);
+    VECTOR(ulong) bare = (fragment & ~payload) | (fragment & payload) >> (VECTOR(ulong))(1);
+    return fragment == (VECTOR(ulong))(ABSENT) ? fragment : bare;
+}
+
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
                           VECTOR(uint) count, global const void *colors, Colors *resolved, global const float *parameters,
                           Colors *found)
@@ -102,10 +96,12 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
             fetch_colors(&bare, 1, colors, &foremost);
         }
         for (uint k = 0; k < MIN(deepest - first, (uint)RUN_MAX); ++k) {
-            VECTOR(int) present = is_present(all[k]), within = present & (winding != (VECTOR(int))(0));
-            VECTOR(float) depth = depth_of(all[k]), passed = length_between(before, depth);
+            VECTOR(int) present = CONVERT(int, STRIP, all[k] != (VECTOR(ulong))(ABSENT));
+            VECTOR(int) within = present & (winding != (VECTOR(int))(0));
+            VECTOR(float) depth = depth_of(CONVERT(uint, STRIP, all[k] >> (VECTOR(ulong))(32)));
+            VECTOR(float) passed = length_between(before, depth);
             length += within ? passed : (VECTOR(float))(0.0f);
-            winding += present & (is_back(all[k]) ? (VECTOR(int))(-1) : (VECTOR(int))(1));
+            winding += present & (is_back(CONVERT(uint, STRIP, all[k])) ? (VECTOR(int))(-1) : (VECTOR(int))(1));
             before = present ? depth : before;
         }
     }
@@ -116,53 +112,64 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
 
 #else
 
+#include "peeling.h"
+
 #define PEELED 2
 
-// The two channels of the article's render target, and the colour of what is foremost.
+// The two channels of the article's render target, each with what it is the depth of, and the colour of what is foremost.
 typedef struct {
-    VECTOR(ulong) red, green;
+    Fragments red, green;
     Colors color;
 } Buffers;
 
 INLINE void clear_buffers(Buffers *b)
 {
-    b->red = b->green = (VECTOR(ulong))(ABSENT);
+    clear_to(&b->red, FARTHEST_KEY);
+    clear_to(&b->green, FARTHEST_KEY);
     b->color.red = b->color.green = b->color.blue = b->color.alpha = (VECTOR(float))(0.0f);
 }
 
 INLINE uint begin_pass(Buffers *b) { return 0; }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, VECTOR(ulong) fragment, ulong same_depth)
+INLINE void blend_min(Fragments *channel, VECTOR(int) covered, const Fragments *source)
 {
-    const VECTOR(ulong) one = (VECTOR(ulong))(ABSENT);
-    VECTOR(ulong) red, green;
+    replace(channel, covered & (source->key < channel->key), source);
+}
+
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
+{
 #if VARIANT == TOTAL
-    VECTOR(long) here = CONVERT(long, STRIP, covered);
-    red = here ? fragment : one, green = here ? ~fragment : one;
+    Fragments complement = {~fragments->key, fragments->payload};  // 1 - depth
+    blend_min(&b->red, covered, fragments);
+    blend_min(&b->green, covered, &complement);
 #else
-    VECTOR(int) back = is_back(fragment);
-    red = CONVERT(long, STRIP, covered & ~back) ? fragment : one;
-    green = CONVERT(long, STRIP, covered & back) ? fragment : one;
+    VECTOR(int) back = is_back(fragments->payload);
+    blend_min(&b->red, covered & ~back, fragments);
+    blend_min(&b->green, covered & back, fragments);
 #endif
-    b->red = MIN(b->red, red), b->green = MIN(b->green, green);
     return covered;
 }
 
 // The nearer and the farther of the two that are kept.
-INLINE VECTOR(ulong) kept(const Buffers *b, int farther)
+INLINE void kept(const Buffers *b, Fragments *nearer, Fragments *farther)
 {
+    *nearer = b->red, *farther = b->green;
 #if VARIANT == TOTAL
-    VECTOR(ulong) last = b->red == (VECTOR(ulong))(ABSENT) ? b->red : ~b->green;
-    return farther ? last : b->red;
+    farther->key = ~farther->key;
 #else
-    return farther ? MAX(b->red, b->green) : MIN(b->red, b->green);
+    VECTOR(int) turned = is_behind(&b->red, &b->green);
+    replace(nearer, turned, &b->green);
+    replace(farther, turned, &b->red);
 #endif
 }
 
-INLINE VECTOR(ulong) peeled(const Buffers *b, int i)
+INLINE VECTOR(uint) peeled(const Buffers *b, int i)
 {
-    VECTOR(ulong) first = kept(b, 0), second = kept(b, 1);
-    return without_facing(i == 0 ? first : second == first ? (VECTOR(ulong))(ABSENT) : second);
+    const VECTOR(uint) none = (VECTOR(uint))(NO_PAYLOAD);
+    Fragments nearer, farther;
+    kept(b, &nearer, &farther);
+    VECTOR(uint) payload = i == 0 ? nearer.payload : farther.payload == nearer.payload ? none : farther.payload;
+    return payload == none ? none : payload >> (VECTOR(uint))(1);
 }
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
@@ -170,17 +177,24 @@ INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
     if (i == 0) b->color = *colors;
 }
 
-INLINE VECTOR(int) end_pass(Buffers *b, ulong same_depth) { return (VECTOR(int))(0); }
+INLINE VECTOR(int) end_pass(Buffers *b) { return (VECTOR(int))(0); }
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return (VECTOR(float))(0.0f); }
 
+INLINE VECTOR(float) depth_at(const Fragments *f)
+{
+    return depth_of(PASTE(as_, VECTOR(uint))(f->key) ^ (VECTOR(uint))(0x80000000u));
+}
+
 INLINE void merge(const Buffers *b, Colors *merged, global const float *parameters, Colors *found)
 {
-    VECTOR(int) covered = is_present(kept(b, 0)), paired = covered;
+    Fragments nearer, farther;
+    kept(b, &nearer, &farther);
+    VECTOR(int) covered = is_there(&nearer), paired = covered;
 #if VARIANT == FIRST_SOLID
-    paired = is_present(b->red) & is_present(b->green) & (depth_of(b->red) >= depth_of(b->green));
+    paired = is_there(&b->red) & is_there(&b->green) & (b->red.key <= b->green.key);
 #endif
-    VECTOR(float) length = length_between(depth_of(kept(b, 0)), depth_of(kept(b, 1)));
+    VECTOR(float) length = length_between(depth_at(&nearer), depth_at(&farther));
     length = paired ? length : (VECTOR(float))(0.0f);
     measure(covered, length, ~paired, &b->color, parameters, merged, found);
 }

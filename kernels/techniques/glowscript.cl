@@ -6,13 +6,13 @@
 //   peel[k]     C1 .. C4: the colour and opacity of each peel
 //
 // The merge: C1.rgb C1.a + (1 - C1.a) (C2.rgb C2.a + (1 - C2.a) (C3.rgb C3.a + (1 - C3.a) (C4.rgb C4.a + (1 - C4.a) C0)))
-#include "shading.h"
+#include "peeling.h"
 
 #define PEELED 1
 #define MOST_PEELS 4
 
 typedef struct {
-    VECTOR(ulong) z_near, slot;
+    Fragments z_near, slot;
     VECTOR(int) more;
     Colors peel[MOST_PEELS];
     uint peels;
@@ -20,37 +20,37 @@ typedef struct {
 
 INLINE void clear_buffers(Buffers *b)
 {
-    b->z_near = (VECTOR(ulong))(0);
+    clear_to(&b->z_near, NEAREST_KEY);
     b->peels = 0;
 }
 
 INLINE uint begin_pass(Buffers *b)
 {
-    b->slot = (VECTOR(ulong))(ABSENT);
+    clear_to(&b->slot, FARTHEST_KEY);
     b->more = (VECTOR(int))(0);
     return 0;
 }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, VECTOR(ulong) fragment, ulong same_depth)
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
 {
-    VECTOR(int) between = covered & CONVERT(int, STRIP, fragment >= b->z_near);
-    VECTOR(int) nearer = between & CONVERT(int, STRIP, fragment < b->slot);
-    VECTOR(int) some = CONVERT(int, STRIP, b->slot != (VECTOR(ulong))(ABSENT));
-    VECTOR(int) same = CONVERT(int, STRIP, (fragment ^ b->slot) >> (VECTOR(ulong))(32) == (VECTOR(ulong))(0));
-    VECTOR(int) one = (VECTOR(int))(same_depth ? -1 : 0) & same;  // of equal depths, which are then one fragment
-    b->more |= between & some & ~one;
-    b->slot = CONVERT(long, STRIP, nearer & ~(one & some)) ? fragment : b->slot;
+    VECTOR(int) between = covered & is_behind(fragments, &b->z_near);
+    VECTOR(int) nearer = between & (fragments->key < b->slot.key);
+    VECTOR(int) other = between & is_there(&b->slot);
+    if (BY_DEPTH) other &= fragments->key != b->slot.key;
+    b->more |= other;
+    replace(&b->slot, nearer, fragments);
     return nearer;
 }
 
-INLINE VECTOR(ulong) peeled(const Buffers *b, int i) { return b->slot; }
+INLINE VECTOR(uint) peeled(const Buffers *b, int i) { return b->slot.payload; }
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { b->peel[b->peels++] = *colors; }
 
-INLINE VECTOR(int) end_pass(Buffers *b, ulong same_depth)
+INLINE VECTOR(int) end_pass(Buffers *b)
 {
-    VECTOR(long) found = b->slot != (VECTOR(ulong))(ABSENT);
-    b->z_near = found ? (b->slot | (VECTOR(ulong))(same_depth)) + (VECTOR(ulong))(1) : (VECTOR(ulong))(ABSENT);
+    VECTOR(int) found = is_there(&b->slot);
+    clear_to(&b->z_near, FARTHEST_KEY);
+    replace(&b->z_near, found, &b->slot);
     return b->more;
 }
 

@@ -13,10 +13,11 @@
 //
 // That may go round in circles. What follows from a pixel's slots is always the same, so it does once they come back to what
 // they were: `kept` are those of pass 1, 2, 4, 8, ... (Brent 1980).
-#include "shading.h"
+#include "peeling.h"
 
 #define PEELED LAYERS_A_PASS
 #define REPEATS 1
+#define SAME_DEPTH (BY_DEPTH ? 0xFFFFFFFFul : 0ul)  // as what fragments of one depth differ in
 
 typedef struct {
     ulong z_near[STRIP], slot[STRIP][LAYERS_A_PASS], kept[STRIP][LAYERS_A_PASS];
@@ -78,23 +79,26 @@ INLINE void end_wave(Buffers *b, int k)
 }
 
 // One fragment arrives at a pixel; returns whether it writes.
-INLINE bool arrive(Buffers *b, int k, ulong fragment, ulong same_depth)
+INLINE bool arrive(Buffers *b, int k, ulong fragment)
 {
     if (b->arrived[k] == HAZARD_WINDOW) end_wave(b, k);
     ++b->arrived[k];
     if (fragment < b->z_near[k] || fragment >= b->slot[k][LAYERS_A_PASS - 1]) return false;
     for (int i = 0; i < LAYERS_A_PASS; ++i)
-        if ((fragment | same_depth) == (b->slot[k][i] | same_depth)) return false;
+        if ((fragment | SAME_DEPTH) == (b->slot[k][i] | SAME_DEPTH)) return false;
     if (HAZARD_ARRIVAL || fragment < b->last[k]) b->before[k] = b->last[k], b->last[k] = fragment;
     else if (fragment < b->before[k]) b->before[k] = fragment;
     return true;
 }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, VECTOR(ulong) fragment, ulong same_depth)
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
 {
     VECTOR(int) passed = (VECTOR(int))(0);
-    for (int k = 0; k < STRIP; ++k)
-        if (((const int *)&covered)[k] && arrive(b, k, ((const ulong *)&fragment)[k], same_depth)) ((int *)&passed)[k] = -1;
+    for (int k = 0; k < STRIP; ++k) {
+        ulong key = (uint)((const int *)&fragments->key)[k] ^ 0x80000000u;
+        ulong fragment = key << 32 | ((const uint *)&fragments->payload)[k];
+        if (((const int *)&covered)[k] && arrive(b, k, fragment)) ((int *)&passed)[k] = -1;
+    }
     b->written |= passed;
     return passed;
 }
@@ -117,22 +121,22 @@ INLINE uint goes_round(Buffers *b)
     return pixel;
 }
 
-INLINE VECTOR(ulong) peeled(const Buffers *b, int i)
+INLINE VECTOR(uint) peeled(const Buffers *b, int i)
 {
-    VECTOR(ulong) fragment;
-    for (int k = 0; k < STRIP; ++k) ((ulong *)&fragment)[k] = b->slot[k][i];
-    return fragment;
+    VECTOR(uint) payload;
+    for (int k = 0; k < STRIP; ++k) ((uint *)&payload)[k] = (uint)b->slot[k][i];  // NO_PAYLOAD of ABSENT
+    return payload;
 }
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
 
-INLINE VECTOR(int) end_pass(Buffers *b, ulong same_depth)
+INLINE VECTOR(int) end_pass(Buffers *b)
 {
     VECTOR(int) left = (VECTOR(int))(0);
     for (int k = 0; k < STRIP; ++k) {
         ulong last = b->slot[k][LAYERS_A_PASS - 1];
         bool more = last != ABSENT && ((const float *)&b->color.alpha)[k] > 0.0f;
-        b->z_near[k] = more ? (last | same_depth) + 1 : ABSENT;
+        b->z_near[k] = more ? (last | SAME_DEPTH) + 1 : ABSENT;
         ((int *)&left)[k] = more ? -1 : 0;
     }
     clear_slots(b);

@@ -2,12 +2,12 @@
 // buckets; Liu, Wei and Xu 2006, "Multi-layer depth peeling via fragment sort", Tables 1 and 2, store them in render targets).
 //
 //   slot[i]   the i-th nearest fragment of this pass beyond all peeled ones: colour and depth in one MRT bucket
-//   z_near    what a fragment must be at least: the one beyond the last layer peeled
+//   z_near    the last layer peeled: what a fragment must be behind
 //
 // One work-item owns a pixel, so that a fragment is inserted before the next one comes: nothing is lost to concurrent writes,
 // and a pass is never repeated. (Loops over the slots are unrolled by name: PoCL 3.0's compiler gets one of three slots wrong,
 // with strips of fewer than 16 pixels, where it has the choice.)
-#include "shading.h"
+#include "peeling.h"
 
 #ifndef LAYERS_A_PASS
 #define LAYERS_A_PASS 8
@@ -15,55 +15,61 @@
 #define PEELED LAYERS_A_PASS
 
 typedef struct {
-    VECTOR(ulong) z_near, slot[LAYERS_A_PASS];
+    Fragments z_near, slot[LAYERS_A_PASS];
     VECTOR(int) more;
     Colors color;
 } Buffers;
 
 INLINE void clear_buffers(Buffers *b)
 {
-    b->z_near = (VECTOR(ulong))(0);
+    clear_to(&b->z_near, NEAREST_KEY);
     b->color.red = b->color.green = b->color.blue = (VECTOR(float))(0.0f);
     b->color.alpha = (VECTOR(float))(1.0f);
 }
 
 INLINE uint begin_pass(Buffers *b)
 {
-    UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i) b->slot[i] = (VECTOR(ulong))(ABSENT);
+    UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i) clear_to(b->slot + i, FARTHEST_KEY);
     b->more = (VECTOR(int))(0);
     return 0;
 }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, VECTOR(ulong) fragment, ulong same_depth)
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
 {
-    VECTOR(int) passed = covered & CONVERT(int, STRIP, fragment >= b->z_near);
-    if (same_depth)
+    const Fragments *last = b->slot + LAYERS_A_PASS - 1;
+    VECTOR(int) passed = covered & is_behind(fragments, &b->z_near);
+    if (BY_DEPTH)
         UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i)  // the fragment's depth is in the buffer already
-            passed &= CONVERT(int, STRIP, fragment >> (VECTOR(ulong))(32) != b->slot[i] >> (VECTOR(ulong))(32));
-    VECTOR(ulong) inserted = CONVERT(long, STRIP, passed) ? fragment : (VECTOR(ulong))(ABSENT);
-    VECTOR(int) behind = CONVERT(int, STRIP, fragment > b->slot[LAYERS_A_PASS - 1]);
-    b->more |= passed & behind;
-    passed &= ~behind;
+            passed &= fragments->key != b->slot[i].key;
+    b->more |= passed & is_there(last);  // this one stays behind, or the last does
+    passed &= fragments->key < last->key;
     if (LAYERS_A_PASS > 2 && BITS_OF(passed) == 0) return passed;
-    UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i) {
-        VECTOR(ulong) a = b->slot[i], nearer = MIN(a, inserted);
-        b->slot[i] = nearer, inserted = a ^ inserted ^ nearer;
+    // From the last slot to the first: one takes what the slot before it had where the fragment is in front of that, the
+    // fragment itself where it is in front of its own alone. What has not passed is behind all.
+    VECTOR(int) key = passed ? fragments->key : (VECTOR(int))(FARTHEST_KEY);
+    UNROLL for (int i = LAYERS_A_PASS - 1; i > 0; --i) {
+        Fragments *slot = b->slot + i, *before = slot - 1;
+        VECTOR(uint) moved = key < before->key ? before->payload : fragments->payload;
+        slot->payload = key < slot->key ? moved : slot->payload;
+        slot->key = MIN(slot->key, MAX(before->key, key));
     }
-    b->more |= CONVERT(int, STRIP, inserted != (VECTOR(ulong))(ABSENT));
+    b->slot[0].payload = key < b->slot[0].key ? fragments->payload : b->slot[0].payload;
+    b->slot[0].key = MIN(b->slot[0].key, key);
     return passed;
 }
 
-INLINE VECTOR(ulong) peeled(const Buffers *b, int i) { return b->slot[i]; }
+INLINE VECTOR(uint) peeled(const Buffers *b, int i) { return b->slot[i].payload; }
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
 
 // Nothing passes any more where no layer was found for the last slot, or nothing behind could be seen.
-INLINE VECTOR(int) end_pass(Buffers *b, ulong same_depth)
+INLINE VECTOR(int) end_pass(Buffers *b)
 {
-    VECTOR(ulong) last = b->slot[LAYERS_A_PASS - 1];
-    VECTOR(long) left = (last != (VECTOR(ulong))(ABSENT)) & CONVERT(long, STRIP, b->color.alpha > (VECTOR(float))(0.0f));
-    b->z_near = left ? (last | (VECTOR(ulong))(same_depth)) + (VECTOR(ulong))(1) : (VECTOR(ulong))(ABSENT);
-    return b->more & CONVERT(int, STRIP, left);
+    const Fragments *last = b->slot + LAYERS_A_PASS - 1;
+    VECTOR(int) left = is_there(last) & (b->color.alpha > (VECTOR(float))(0.0f));
+    clear_to(&b->z_near, FARTHEST_KEY);
+    replace(&b->z_near, left, last);
+    return b->more & left;
 }
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return b->color.alpha; }

@@ -167,7 +167,7 @@ def test_20_the_middle_layer_is_blended_once(technique: str, count: int, lanes: 
 
 @pytest.mark.parametrize("technique", BLENDING)
 def test_23_a_range_of_ten_millions(technique: str, lanes: int) -> None:
-    """Two layers a share of 2^-22 of their distance apart are two, near or far: depths have that precision everywhere."""
+    """Two layers 2^-22 of their distance apart are two, near or far: depths are as precise everywhere."""
     view = soups.Eye((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), view_angle=90.0, clipping_range=(1e-3, 1e4))
     for distance in (2e-3, 1.0, 5e3):
         for near, far in ((0, 1), (1, 0)):
