@@ -96,6 +96,23 @@ def _range(text: str) -> tuple[float, float]:
     return near, far
 
 
+def _thickness_range(text: str) -> tuple[float, float]:
+    try:
+        low, high = _floats(text)
+        if not 0 <= low < high:
+            raise ValueError(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected LOW,HIGH (two numbers, 0 <= LOW < HIGH), got '{text}'") from None
+    return low, high
+
+
+def _not_negative(text: str) -> float:
+    value = _number(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"expected a number of 0 or more, got '{text}'")
+    return value
+
+
 def _resolution(text: str) -> tuple[int, int]:
     """Width and height in pixels."""
     try:
@@ -255,6 +272,26 @@ def _add_picture_options(parser: argparse.ArgumentParser, output: str, resolutio
     add("--torn-writes", action="store_true", help="multi-layer-peeling: of two that meet each commits half")
     add("--precision", metavar="float32|half", help="of the sums, where the technique sums without sorting")
     add("--layers", type=_count, metavar="N", help="layers a pass, where the technique peels several")
+    add(
+        "--variant",
+        metavar="exact|total|first-solid",
+        help="of thickness: what lies within surfaces, from first to last, or the first solid (default: exact)",
+    )
+    add("--projected", action="store_true", help="thickness in window depths, 0..1, in place of scene units")
+    add(
+        "--thickness-range",
+        type=_thickness_range,
+        metavar="LOW,HIGH",
+        help="thickness that the first and the last colour stand for (default: 0 to the greatest)",
+    )
+    add("--no-scale-bar", action="store_true", help="no scale bar in the picture of thickness")
+    add(
+        "--map",
+        metavar="FILE.npy",
+        help="write the thickness too, as float32 numbers of NumPy, a row for each of pixels",
+    )
+    add("--sigma", type=_not_negative, metavar="NUMBER", help="extinction a scene unit (default: by the scene's size)")
+    add("--light-color", type=_color, metavar="COLOR", help="of the light behind the scene (default: a warm white)")
     add(
         "--samples",
         type=_count,

@@ -150,6 +150,19 @@ def _check_picture(path: str) -> str:
     return check_writable(path, "--output")
 
 
+def _check_map(path: str, maps: Sequence[str]) -> str:
+    """As check_writable, for the map of a technique that makes one."""
+    if not maps:
+        from clpeel.techniques import TECHNIQUES
+
+        having = ", ".join(name for name, technique in TECHNIQUES.items() if technique.maps)
+        raise InputError(f"--map: expected a technique that makes a map ({having})")
+    suffix = os.path.splitext(path)[1]
+    if suffix.lower() != ".npy":
+        raise InputError(f"--map: expected a name ending in .npy, got '{path}'")
+    return check_writable(path, "--map")
+
+
 def _write(path: str, data: bytes) -> None:
     """To standard output, or to a file, whole or not at all."""
     if path == "-":
@@ -198,11 +211,12 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
 
     import clpeel
     from clpeel.device import choose
-    from clpeel.image import encode_png
+    from clpeel.image import encode_map, encode_png
     from clpeel.renderer import parse_memory
     from clpeel.techniques import technique
 
-    technique(options.technique)
+    chosen = technique(options.technique)
+    map_output = None if options.map is None else _check_map(options.map, chosen.maps)
     if options.memory is not None:
         parse_memory(options.memory)
     choose(options.device)
@@ -234,6 +248,12 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         "hazard_order": options.hazard_order,
         "torn_writes": options.torn_writes or None,
         "precision": options.precision,
+        "variant": options.variant,
+        "projected": options.projected or None,
+        "thickness_range": options.thickness_range,
+        "scale_bar": False if options.no_scale_bar else None,
+        "sigma": options.sigma,
+        "light_color": options.light_color,
     }
     try:
         progress(0.0, "rendering")
@@ -255,6 +275,8 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         rendered = time.perf_counter()
         progress(1.0, "writing")
         _write(output, encode_png(result.image))
+        if map_output is not None:
+            _write(map_output, encode_map(result.map(chosen.maps[0])))
     finally:
         progress.clear()
     written = time.perf_counter()
@@ -280,6 +302,11 @@ def _warn(options: argparse.Namespace, stats: dict[str, Any]) -> None:
         return
     if stats.get("discarded"):
         _say(f"note: {stats['discarded']:,} triangles with NaN or infinite vertices were left out")
+    if stats.get("unpaired_pixels"):
+        _say(
+            f"note: {stats['unpaired_pixels']:,} pixels have crossings that do not pair up: "
+            "the mesh is not watertight there, or is clipped"
+        )
     if stats.get("truncated_pixels"):
         unit = "samples" if stats["samples"] > 1 else "pixels"
         _say(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,30 +24,44 @@ def _aligned(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     return held[start : start + nbytes].view(dtype).reshape(shape)
 
 
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A picture when its technique has made it of what was found: the arrays of `Picture`, maps by name, and stats."""
+
+    image: NDArray[np.uint8]
+    color: NDArray[np.float32] | None
+    maps: dict[str, NDArray[Any]]
+    stats: dict[str, Any]
+
+
 class Picture:
     """The picture being made, in the host's own arrays, which the device fills tile by tile.
 
-    image: uint8 [height, width, 4]; color: float32 [height, width, 4] premultiplied, or None where not wanted.
+    image: uint8 [height, width, 4]; color: float32 [height, width, 4] premultiplied, or None where not wanted;
+    values: float32 [height, width, 4] that a technique finds besides, the means of a pixel's samples, or None.
     """
 
-    def __init__(self, gpu: Gpu, size: tuple[int, int], keep_color: bool):
+    def __init__(self, gpu: Gpu, size: tuple[int, int], keep_color: bool, keep_values: bool = False):
         width, height = size
         self.gpu = gpu
         self.size = size
         self.image: NDArray[np.uint8] = _aligned((height, width, 4), np.uint8)
         self.color: NDArray[np.float32] | None = _aligned((height, width, 4), np.float32) if keep_color else None
+        self.values: NDArray[np.float32] | None = _aligned((height, width, 4), np.float32) if keep_values else None
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
         self._image = cl.Buffer(gpu.context, flags, hostbuf=self.image)
         self._color = None if self.color is None else cl.Buffer(gpu.context, flags, hostbuf=self.color)
+        self._values = None if self.values is None else cl.Buffer(gpu.context, flags, hostbuf=self.values)
         self._own_references = self._references()
 
     def _references(self) -> list[int]:
-        arrays = [array for array in (self.image, self.color) if array is not None]
+        arrays = [array for array in (self.image, self.color, self.values) if array is not None]
         return [sys.getrefcount(held) for array in arrays for held in (array, array.base)]
 
-    def fits(self, size: tuple[int, int], keep_color: bool) -> bool:
+    def fits(self, size: tuple[int, int], keep_color: bool, keep_values: bool = False) -> bool:
         """Whether it has this size and what is to be kept."""
-        return self.size == size and (self.color is not None) == keep_color
+        kept = self.color is not None, self.values is not None
+        return self.size == size and kept == (keep_color, keep_values)
 
     def is_free(self) -> bool:
         """Whether nobody else holds its arrays, nor a view of them, so that it may be drawn over."""
@@ -71,6 +86,8 @@ class Picture:
             "clamped": self._clamped,
             "image": self._image,
             "color": self._color,
+            "parameters": None,  # of techniques that find values
+            "values": self._values,
         }
 
     def finish(self) -> int:
@@ -78,7 +95,7 @@ class Picture:
 
         Returns in how many pixels the alphas added up to more than one, so that their colours had to be clamped.
         """
-        for held, array in ((self._image, self.image), (self._color, self.color)):
+        for held, array in ((self._image, self.image), (self._color, self.color), (self._values, self.values)):
             if held is None or array is None:
                 continue
             mapped, _ = cl.enqueue_map_buffer(

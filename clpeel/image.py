@@ -1,4 +1,4 @@
-"""Pictures as files: PNG, written whole or not at all."""
+"""Pictures and maps as files: PNG and NumPy's, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -21,6 +21,13 @@ def encode_png(image: NDArray[np.uint8]) -> bytes:
     opaque = bool((image[..., 3] == 255).all())
     data = io.BytesIO()
     Image.fromarray(image[..., :3] if opaque else image).save(data, "PNG", compress_level=4)
+    return data.getvalue()
+
+
+def encode_map(numbers: NDArray[np.float32]) -> bytes:
+    """float32 [height, width] to the bytes of a file that numpy.load reads."""
+    data = io.BytesIO()
+    np.save(data, numbers, allow_pickle=False)
     return data.getvalue()
 
 

@@ -47,7 +47,7 @@ TILE_TOTALS = 6
 samples with an opaque surface."""
 
 LIST_GAP = 8
-"""Fragments that a pixel's list has room for beyond its last: they are moved eight at a time (sort.cl), and lists of
+"""Fragments that a pixel's list has room for beyond its last: they are moved eight at a time (sorting.h), and lists of
 equal length would fall on the same places of a cache."""
 
 COLOR_BYTES = 16
@@ -66,7 +66,7 @@ CLIPPED_FACE = 0xFFFF
 """First pixel column of a face whose records are a clipped fan: it has no columns, being greater than the last."""
 
 RUN_MAX = 256
-"""Fragments of a pixel that are held in private memory at once: deeper ones are sorted in global memory (sort.cl)."""
+"""Fragments of a pixel that are held in private memory at once: deeper ones are sorted in global memory (sorting.h)."""
 
 AMBIENT = 0.2
 """Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""

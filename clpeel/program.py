@@ -80,7 +80,10 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
                 gpu.builds[key] = cl.Program(gpu.context, text).build(options=options)
         built = gpu.builds[key]
         kernels = {}
+        compiled = set(built.get_info(cl.program_info.KERNEL_NAMES).split(";"))  # #if may leave some of the text out
         for name, parameters in _KERNEL.findall(text):
+            if name not in compiled:
+                continue
             words = [re.sub(r"\s+", " ", parameter).strip() for parameter in parameters.split(",")]
             names = tuple(re.split(r"[ *]", word)[-1] for word in words)
             scalars = tuple(None if "*" in word else _SCALARS[word.split(" ")[0]] for word in words)

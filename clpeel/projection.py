@@ -59,6 +59,7 @@ class Triangles:
     features: Features
     size: tuple[int, int]  # width, height in pixels
     view: tuple[float, float, float]  # view direction, unit length
+    clipping: tuple[float, float]  # view distances of the near and the far plane, in world units
     faces: int
     listed: int
     clipped: int
@@ -241,6 +242,7 @@ def project(
         features=features,
         size=size,
         view=(float(direction[0]), float(direction[1]), float(direction[2])),
+        clipping=clipping,
         faces=face_count,
         listed=listed_count,
         clipped=clipped_count,

@@ -6,7 +6,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from clpeel.binning import BATCH_SHARE, bin_triangles
 from clpeel.camera import Camera
-from clpeel.composite import Picture
+from clpeel.composite import Finished, Picture
 from clpeel.device import Gpu, open_device
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
@@ -27,6 +27,7 @@ from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
 from clpeel.scene import Scene
 from clpeel.techniques import technique as technique_named
+from clpeel.techniques import with_map
 
 LIGHTINGS = ("none", "headlight")
 OPAQUE = ("first", "blend")
@@ -58,12 +59,14 @@ class Result:
     in any channel, at most), clamped_pixels (alphas that add up to more than 1), batches, seconds {stage: s} and
     kernel_seconds {kernel: s} by the device's clock, seconds_per_pass [of each; equal shares where the device cannot
     tell], bytes {buffer: n}, bytes_per_pixel (those), buffer_bytes_per_pixel (what the technique keeps of a sample),
-    device.
+    device; and what the technique adds.
+    thickness, unpaired: maps, of techniques that make them (`Technique.maps`).
     """
 
     image: NDArray[np.uint8]
     stats: dict[str, Any]
     _color: NDArray[np.float32] | None
+    maps: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     @property
     def color(self) -> NDArray[np.float32]:
@@ -71,6 +74,25 @@ class Result:
         if self._color is None:
             raise InputError("color: expected a result rendered with keep_color=True, got keep_color=False")
         return self._color
+
+    def map(self, name: str) -> NDArray[Any]:
+        """The map of that name, [height, width]. Raises InputError where the technique makes none."""
+        if name not in self.maps:
+            raise InputError(
+                f"{name}: expected a result of a technique that makes this map ({', '.join(with_map(name))}), "
+                f"got {self.stats['technique']!r}"
+            )
+        return self.maps[name]
+
+    @property
+    def thickness(self) -> NDArray[np.float32]:
+        """float32 [height, width], scene units unless `projected`: the mean of a pixel's samples, 0 for empty ones."""
+        return self.map("thickness")
+
+    @property
+    def unpaired(self) -> NDArray[np.bool_]:
+        """bool [height, width], where crossings do not pair up: the mesh is open there, or cut by a clipping plane."""
+        return self.map("unpaired")
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the image as a PNG, whole or not at all. Raises InputError when the place cannot be written."""
@@ -97,13 +119,13 @@ class Renderer:
             self._uploaded[lighting] = upload(self.gpu, with_normals(self.scene) if lit else self.scene, lit)
         return self._uploaded[lighting]
 
-    def _picture(self, size: tuple[int, int], keep_color: bool) -> Picture:
+    def _picture(self, size: tuple[int, int], keep_color: bool, keep_values: bool) -> Picture:
         """A picture to draw in: one of the last two, if nobody holds its result any more, or a new one."""
-        self._pictures = [held for held in self._pictures if held.fits(size, keep_color)][-2:]
+        self._pictures = [held for held in self._pictures if held.fits(size, keep_color, keep_values)][-2:]
         for held in self._pictures:
             if held.is_free():
                 return held
-        self._pictures.append(Picture(self.gpu, size, keep_color))
+        self._pictures.append(Picture(self.gpu, size, keep_color, keep_values))
         return self._pictures[-1]
 
     def render(
@@ -143,7 +165,7 @@ class Renderer:
         side = checked_samples(samples, size)
         if opaque not in OPAQUE:
             raise InputError(f"opaque: expected one of {', '.join(OPAQUE)}; got {opaque!r}")
-        check_picture_fits(size, keep_color)
+        check_picture_fits(size, 4 + 16 * (keep_color + bool(chosen.maps)))
         limit = None if memory is None else parse_memory(memory)
         if camera is None:
             camera = Camera.frame(self.scene, aspect=size[0] / size[1])
@@ -154,7 +176,8 @@ class Renderer:
 
         report(0.0, "projecting")
         sampled = (size[0] * side, size[1] * side)
-        triangles = project(gpu, on_device, camera, sampled, lighting != "none", opaque == "first")
+        opaque_first = opaque == "first" and not chosen.maps  # maps are of all surfaces, whatever their alphas
+        triangles = project(gpu, on_device, camera, sampled, lighting != "none", opaque_first)
         held = on_device.nbytes + triangles.nbytes
         budget = max(gpu.default_budget(held) if limit is None else limit - held, MIN_MEMORY)
         batch_budget = budget // BATCH_SHARE
@@ -166,7 +189,7 @@ class Renderer:
             largest // (COLOR_BYTES if triangles.features.fragment_color else FRAGMENT_BYTES),
             2**31 - 1,  # places are signed where vectors are scattered (common.h)
         )
-        picture = self._picture(size, keep_color)
+        picture = self._picture(size, keep_color, bool(chosen.maps))
         target = picture.begin(side, over)
         found: list[Drawn] = []
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
@@ -177,6 +200,9 @@ class Renderer:
             else:
                 found.append(chosen.draw(gpu, triangles, batch, target, capacity, at_tile, **options))
         clamped_pixels = picture.finish()
+        done = Finished(picture.image, picture.color, {}, {})
+        if chosen.finish is not None:
+            done = chosen.finish(picture, triangles, over, **options)
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
         # What no kernel took: compiling them the first time, the scene's upload, the host's own work and waiting.
@@ -184,6 +210,8 @@ class Renderer:
         seconds["host"] = total - sum(seconds.values())
         seconds["total"] = total
         buffers = {name: int(held.size) for name, held in gpu.buffers.items()}
+        if picture.values is not None:
+            buffers["values"] = picture.values.nbytes
         pixels = size[0] * size[1]
         samples_passed = sums(drawn.samples_passed for drawn in found)
         layers_max = max(drawn.layers_max for drawn in found)
@@ -214,8 +242,9 @@ class Renderer:
             "device": gpu.device.name.strip(),
             "lanes": gpu.lanes,
             "notes": list(self.scene.notes),
+            **done.stats,
         }
-        return Result(picture.image, stats, picture.color)
+        return Result(done.image, stats, done.color, done.maps)
 
 
 def render(
@@ -259,9 +288,9 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
     return width, height
 
 
-def check_picture_fits(size: tuple[int, int], keep_color: bool) -> None:
+def check_picture_fits(size: tuple[int, int], pixel_bytes: int) -> None:
     """InputError where the host's memory cannot hold the picture."""
-    needed = size[0] * size[1] * (20 if keep_color else 4)
+    needed = size[0] * size[1] * pixel_bytes
     if hasattr(os, "sysconf") and needed > (held := os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")):
         raise InputError(
             f"size: expected a picture that fits the memory of {held / 2**30:.1f} GiB, "

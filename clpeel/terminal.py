@@ -74,6 +74,7 @@ STATS_ROWS = {
     "fragments": "fragments",
     "layers_max": "most layers in a pixel",
     "truncated_pixels": "truncated pixels",
+    "unpaired_pixels": "unpaired pixels",
     "batches": "batches",
     "bytes_per_pixel": "bytes per pixel",
 }

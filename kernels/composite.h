@@ -27,6 +27,24 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint sid
     return sum / (float)(side * side);
 }
 
+#ifndef VALUES
+#define VALUES 0
+#endif
+#if VALUES
+// What a technique finds besides colours: four numbers a sample, to the picture's pixels as the means of their samples.
+INLINE void store_values(local const Colors *found, uint tile, int columns, int side_bits, int width, int height,
+                         global float4 *values)
+{
+    uint bits = TILE_BITS - side_bits, side = 1u << side_bits;
+    uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
+    for (uint p = get_local_id(0); p < 1u << 2 * bits; p += LANES) {
+        uint column = p & ((1u << bits) - 1), row = p >> bits;
+        if (left + column >= (uint)width || top + row >= (uint)height) continue;
+        values[(size_t)(top + row) * width + left + column] = mean_of(found, column, row, side);
+    }
+}
+#endif
+
 // A block's row of pixels, as wherever they are in memory: bytes of the picture and its colours.
 typedef uint4 RowBytes __attribute__((aligned(4)));
 typedef float16 RowColors __attribute__((aligned(16)));

@@ -14,12 +14,24 @@
 //   resolve_strip(fragments, scratch, begin, step, count, colors, resolved)
 // which blends the count[k] fragments at begin[k], begin[k] + step, ... of a strip's pixels into `resolved`, from premultiplied
 // colour 0 and transmittance 1.
+// With VALUES it gets two more, (..., resolved, parameters, found): four numbers a pixel besides, from 0, and what it is told
+// for that.
 #ifndef DRAW_H
 #define DRAW_H
 
 #include "opaque.h"
 
-// tile_totals: fragments of the tile, of its deepest pixel, and samples with an opaque surface. layers_before: only tiles deeper than that, if it is not 0.
+// Puts those of a strip's pixels that are `here` into place.
+INLINE void put_where(VECTOR(int) here, const Colors *strip, local Colors *place)
+{
+    place->red = here ? strip->red : place->red;
+    place->green = here ? strip->green : place->green;
+    place->blue = here ? strip->blue : place->blue;
+    place->alpha = here ? strip->alpha : place->alpha;
+}
+
+// tile_totals: fragments of the tile, of its deepest pixel, and samples with an opaque surface. layers_before: only tiles
+// deeper than that, if it is not 0.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                  global const uint *faces, global const void *palette, global const float *weights,
@@ -27,9 +39,13 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  uint slab, global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green, float blue,
                  int has_background, int keep_color, volatile global uint *clamped, global uint *image,
-                 global float4 *color)
+                 global float4 *color, global const float *parameters, global float4 *values)
 {
     local Colors layer[TILE_PIXELS / STRIP];
+#if VALUES
+    local Colors found[TILE_PIXELS / STRIP];
+    const Colors nothing = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f)};
+#endif
     local uint ends[TILE_PIXELS] __attribute__((aligned(64)));  // inclusive prefix sum of the lists' room
     local uint taken, total, deepest, solid;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
@@ -56,7 +72,12 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         }
         bool empty = begin == end;
         if (empty)
-            for (uint own = 0; own < STRIPS_A_LANE; ++own) layer[own * LANES + lane] = clear;
+            for (uint own = 0; own < STRIPS_A_LANE; ++own) {
+                layer[own * LANES + lane] = clear;
+#if VALUES
+                found[own * LANES + lane] = nothing;
+#endif
+            }
         bool lists = false;
         uint first = 0, last = TILE_PIXELS - 1;
         while (wanted && !empty && first < TILE_PIXELS) {
@@ -102,12 +123,15 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                     if (layers > held) count = (VECTOR(uint))(0);
                 }
                 Colors resolved = clear;
-                resolve_strip(fragments, scratch, begin, layout.step, count,
-                              FRAGMENT_COLOR ? (global const void *)colors : palette, &resolved);
-                layer[strip].red = here ? resolved.red : layer[strip].red;
-                layer[strip].green = here ? resolved.green : layer[strip].green;
-                layer[strip].blue = here ? resolved.blue : layer[strip].blue;
-                layer[strip].alpha = here ? resolved.alpha : layer[strip].alpha;
+                global const void *own_colors = FRAGMENT_COLOR ? (global const void *)colors : palette;
+#if VALUES
+                Colors measured = nothing;
+                resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved, parameters, &measured);
+                put_where(here, &measured, found + strip);
+#else
+                resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved);
+#endif
+                put_where(here, &resolved, layer + strip);
             }
             first = last + 1;
             if (!lists) {
@@ -133,6 +157,9 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             uint beyond = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
                                          blue, has_background, keep_color, image, color);
             if (beyond) atomic_add(clamped, beyond);
+#if VALUES
+            store_values(found, first_tile + tile, columns, side_bits, picture_width, picture_height, values);
+#endif
         }
         barrier(CLK_LOCAL_MEM_FENCE);
     }

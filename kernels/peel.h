@@ -19,6 +19,7 @@
 //   end_pass(buffers)                       returns where there is more to peel
 //   seen_through(buffers)                   the transmittance of what is peeled and lies in front of what is not
 //   merge(buffers, merged)                  puts the colour buffers over premultiplied colour and transmittance
+//                                           with VALUES (buffers, merged, parameters, found): and four numbers a pixel besides
 //
 // and, where concurrent writes may spoil a pass, REPEATS, so that it is repeated until nothing passes any more, before its layers
 // are blended:
@@ -48,9 +49,12 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                  uint most_repeats, int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green,
                  float blue, int has_background, int keep_color, volatile global uint *clamped, global uint *image,
-                 global float4 *color)
+                 global float4 *color, global const float *parameters, global float4 *values)
 {
     local Colors layer[TILE_PIXELS / STRIP];
+#if VALUES
+    local Colors found[TILE_PIXELS / STRIP];
+#endif
     local uint taken, totals[TILE_TOTALS];
     const float3 view = (float3)(view_x, view_y, view_z);
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
@@ -93,7 +97,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 covered &= CONVERT(int, STRIP, submitted < z_far[OWN(block)]);
             }
             Fragments arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
-                                  (VECTOR(int))((int)(FRAGMENT_COLOR ? place : t->source))};
+                                  (VECTOR(int))((int)PAYLOAD(FRAGMENT_COLOR ? place : t->source, t))};
             if (pass == 0) fragments += POPCOUNT(BITS_OF(covered));
             passed += POPCOUNT(BITS_OF(pass_samples(buffers + OWN(block), covered, &arriving)));
             END_VISITS
@@ -118,11 +122,11 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             for (int own = 0; own < STRIPS_A_LANE && passed; ++own) {
                 for (int i = 0; i < PEELED; ++i) {
                     Colors colors;
-                    VECTOR(int) payload = peeled(buffers + own, i), found = payload >= (VECTOR(int))(0);
-                    if (BITS_OF(found) == 0) continue;
-                    layers[own] -= PASTE(as_, VECTOR(uint))(found);
-                    colors_of(PASTE(as_, VECTOR(uint))(payload), own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette,
-                              weights, normals, view, &colors);
+                    VECTOR(int) payload = peeled(buffers + own, i), present = payload >= (VECTOR(int))(0);
+                    if (BITS_OF(present) == 0) continue;
+                    layers[own] -= PASTE(as_, VECTOR(uint))(present);
+                    colors_of(PASTE(as_, VECTOR(uint))(payload), own * LANES + lane, tile_x, tile_y, width, height, triangles,
+                              pairs, faces, palette, weights, normals, view, &colors);
                     blend_peeled(buffers + own, i, &colors);
                 }
                 more[own] = end_pass(buffers + own);
@@ -133,7 +137,13 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         uint truncated = 0, deepest = 0, hidden = 0;
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
             Colors merged = MIXED ? behind[own] : clear;
+#if VALUES
+            Colors measured;
+            merge(buffers + own, &merged, parameters, &measured);
+            found[own * LANES + lane] = measured;
+#else
             merge(buffers + own, &merged);
+#endif
             VECTOR(float) seen = seen_through(buffers + own);
             for (int k = 0; k < STRIP; ++k) {
                 float through = ((const float *)&seen)[k];
@@ -155,6 +165,9 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         uint beyond_one = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
                                          blue, has_background, keep_color, image, color);
         if (beyond_one) atomic_add(clamped, beyond_one);
+#if VALUES
+        store_values(found, first_tile + tile, columns, side_bits, picture_width, picture_height, values);
+#endif
         if (lane == 0) add_long(pass_totals + 4 * most_passes, TICKS() - entered);
         barrier(CLK_LOCAL_MEM_FENCE);
     }

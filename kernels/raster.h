@@ -8,6 +8,7 @@
 //
 // A fragment is key << 32 | payload. key: DEPTH_KEY of its depth. payload: its face, or its own place where that has a colour
 // of its own (`colors`). Both grow with submission, so it is one integer, whose order is (depth, submission index).
+// With FACING, which a technique defines that asks for it, the payload's lowest bit says that it is seen from behind.
 #ifndef RASTER_H
 #define RASTER_H
 
@@ -15,6 +16,15 @@
 #include "wide.h"
 
 #define STRIPS_A_LANE (TILE_PIXELS / STRIP / LANES)
+
+#ifndef FACING
+#define FACING 0
+#endif
+#if FACING
+#define PAYLOAD(number, t) ((uint)(number) << 1 | ((t)->flags & BACK_FACING) / BACK_FACING)
+#else
+#define PAYLOAD(number, t) (number)
+#endif
 
 // The blocks with strips of this lane (a bit each), a block's place among them, the first of its pixels that the lane has.
 #if LANES <= TILE_BLOCKS
@@ -228,7 +238,12 @@ INLINE float4 shade(const float weight[3], uint record, uint source, global cons
     float length2 = n.x * n.x + n.y * n.y + n.z * n.z;
     float facing = n.x * view_direction.x + n.y * view_direction.y + n.z * view_direction.z;
     float cosine = length2 > 0.0f ? MIN(fabs(facing) / sqrt(length2), 1.0f) : 1.0f;
-    color.xyz *= AMBIENT + (1.0f - AMBIENT) * cosine;
+    float light = AMBIENT + (1.0f - AMBIENT) * cosine;
+#ifdef LIGHT_IN_ALPHA
+    color.w = light;  // for a technique that has no use for the alpha, and one for the colour without the light
+#else
+    color.xyz *= light;
+#endif
 #endif
     return color;
 }
@@ -294,12 +309,12 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
         to += strip_start;
         float at_sample[3] = {((const float *)weight)[k], ((const float *)(weight + 1))[k], ((const float *)(weight + 2))[k]};
         colors[to] = shade(at_sample, pairs[place], t->source, faces, palette, weights, normals, view);
-        fragments[to] = ((const ulong *)&value)[k] | to;
+        fragments[to] = ((const ulong *)&value)[k] | PAYLOAD(to, t);
     }
 #else
     VECTOR(uint) to = *places;
     *places += PASTE(as_, VECTOR(uint))(covered) & layout->step;
-    value |= (VECTOR(ulong))((ulong)t->source);
+    value |= (VECTOR(ulong))((ulong)PAYLOAD(t->source, t));
     scatter(fragments + strip_start, to, covered & (to < (VECTOR(uint))(layout->room)), value);
 #endif
     END_VISITS

@@ -24,6 +24,7 @@ import clpeel
 from clpeel import arguments as command_line
 from clpeel import cli
 from clpeel.errors import InputError, NoDeviceError
+from clpeel.techniques import TECHNIQUES
 from clpeel.terminal import Progress
 
 PYTHON = (sys.executable, "-P")  # -P: not the sources in the working folder, but the package that is installed
@@ -82,7 +83,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
             "bytes": {"fragments": 4096},
             "device": "a device",
         }
-        return SimpleNamespace(image=image, stats=stats)
+        return SimpleNamespace(image=image, stats=stats, map=lambda name: np.zeros((height, width), np.float32))
 
     monkeypatch.setattr(clpeel, "render", render)
     return record
@@ -109,7 +110,8 @@ def test_help_is_ascii_and_names_every_option() -> None:
         "--output -o --resolution --opacity --color --background-color --no-background --unlit --camera-position "
         "--camera-focal-point --camera-view-up --camera-view-angle --camera-direction --camera-azimuth-angle "
         "--camera-elevation-angle --camera-zoom-factor --camera-orthographic --up --clipping-range --technique "
-        "--passes --no-occlusion-query --coincident --precision --layers --memory --device --lanes --samples "
+        "--passes --no-occlusion-query --coincident --precision --layers --memory --device --lanes --samples --variant "
+        "--projected --thickness-range --no-scale-bar --map --sigma --light-color "
         "--stats[=FILE.json] --verbose --quiet --no-progress"
     ).split():
         assert option in text
@@ -603,3 +605,57 @@ def test_peeling_less_than_there_is_says_what_that_hides(tmp_path: Path, capfd: 
     assert float(note[2]) == pytest.approx(stats["truncation_bound"], rel=0.01)
     assert cli.main(["demo", *given, "--technique=depth-peeling", "--no-occlusion-query", "--coincident=paper"]) == 2
     assert "occlusion_query: expected passes=N" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("technique", [name for name, made in TECHNIQUES.items() if made.maps])
+def test_a_map_is_written(technique: str, mesh: Path, tmp_path: Path, capfd: Any) -> None:
+    picture, written = tmp_path / "out.png", tmp_path / "out.npy"
+    given = ["render", str(mesh), "--resolution=200,150", f"--technique={technique}", f"--map={written}", "-o"]
+    for options in ([], ["--variant=total"], ["--variant", "first-solid", "--samples=4"]):
+        written.unlink(missing_ok=True)
+        assert cli.main([*given, str(picture), *options]) == 0
+        numbers = np.load(written)
+        assert numbers.dtype == np.float32 and numbers.shape == (150, 200) and numbers.max() > 0.2
+    assert "note" not in capfd.readouterr().err
+    assert [path.name for path in tmp_path.iterdir() if path.suffix in (".npy", ".png", ".part")].sort() is None
+    # An open mesh: said in one line.
+    opened = tmp_path / "open.off"
+    opened.write_text(TETRAHEDRON.replace("4 4 0", "4 3 0", 1).replace("3 0 2 1\n", "", 1))
+    assert cli.main([*given, str(picture), "--camera-direction=1,1,1"]) == 0
+    given[1] = str(opened)
+    assert cli.main([*given, str(picture), "--camera-direction=0,0,-1"]) == 0
+    assert re.search(r"note: [\d,]+ pixels have crossings that do not pair up: the mesh is not", capfd.readouterr().err)
+
+
+def test_thickness_on_the_command_line(mesh: Path, tmp_path: Path, capfd: Any) -> None:
+    stats = tmp_path / "stats.json"
+    given = ["render", str(mesh), "-o", str(tmp_path / "x.png"), "--resolution=200,150", f"--stats={stats}"]
+    options = ["--technique=thickness", "--projected", "--thickness-range", "0,0.5", "--no-scale-bar"]
+    assert cli.main([*given, *options]) == 0
+    told = json.loads(stats.read_text())
+    assert told["unit"] == "projected" and told["thickness_range"] == [0, 0.5] and told["unpaired_pixels"] == 0
+    assert cli.main([*given, "--technique=translucency", "--sigma", "2.5", "--light-color=white"]) == 0
+    assert json.loads(stats.read_text())["sigma"] == 2.5
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--map=x.npy"], "--map: expected a technique that makes a map (thickness, translucency)"),
+        (["--technique=thickness", "--map=x.png"], "--map: expected a name ending in .npy, got 'x.png'"),
+        (["--technique=thickness", "--map=no/such/x.npy"], "--map: the folder"),
+        (["--technique=thickness", "--variant=all"], "variant: expected one of exact, total, first-solid; got 'all'"),
+        (["--technique=thickness", "--thickness-range=2,1"], "--thickness-range: expected LOW,HIGH"),
+        (["--technique=thickness", "--sigma=1"], "sigma: the technique 'thickness' has no such option"),
+        (["--technique=translucency", "--sigma=-1"], "--sigma: expected a number of 0 or more, got '-1'"),
+        (["--technique=translucency", "--light-color=nocolor"], "--light-color: expected R,G,B"),
+        (["--technique=translucency", "--no-scale-bar"], "scale_bar: the technique 'translucency' has no such option"),
+        (["--projected"], "projected: the technique 'sort' has no such option"),
+    ],
+)
+def test_thickness_options_that_cannot_be(
+    options: list[str], message: str, mesh: Path, tmp_path: Path, capfd: Any
+) -> None:
+    assert cli.main(["render", str(mesh), "-o", str(tmp_path / "x.png"), *options]) == 2
+    error = capfd.readouterr().err
+    assert message in error and error.count("\n") == 1 and not (tmp_path / "x.png").exists()

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
-EXACT = [name for name, technique in TECHNIQUES.items() if technique.exact]
+BLENDING = [name for name, technique in TECHNIQUES.items() if not technique.maps]
+EXACT = [name for name in BLENDING if TECHNIQUES[name].exact]
 
 
 def mixed(seed: int, count: int, colors: str, share: float = 0.2) -> clpeel.Scene:
@@ -71,7 +72,7 @@ def test_first_or_as_any_other_is_one_picture(
             assert got.stats["fragments"] + got.stats["opaque_samples"] <= want.stats["fragments"]
 
 
-@pytest.mark.parametrize("technique", TECHNIQUES)
+@pytest.mark.parametrize("technique", BLENDING)
 @pytest.mark.parametrize("colors", soups.COLORS)
 def test_an_opaque_scene_is_one_pass(technique: str, colors: str, lanes: int, judge: Judge) -> None:
     """Nothing to peel, sort or add up: the nearest surface, whatever the technique."""
@@ -92,7 +93,7 @@ def test_an_opaque_scene_is_one_pass(technique: str, colors: str, lanes: int, ju
     assert technique not in stats["kernel_seconds"] and technique not in stats["seconds"]
 
 
-@pytest.mark.parametrize("technique", TECHNIQUES)
+@pytest.mark.parametrize("technique", BLENDING)
 def test_what_lies_behind_is_never_emitted(technique: str, lanes: int) -> None:
     """Three layers in front of an opaque one, and ten behind it: those are not even fragments (seeds 001 and 004)."""
     front = [(1.0, 0.0, 0.0, 0.25), (0.0, 1.0, 0.0, 0.5), (0.0, 0.0, 1.0, 0.25)]

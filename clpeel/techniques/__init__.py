@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from clpeel.composite import Finished
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.techniques import (
@@ -14,6 +15,8 @@ from clpeel.techniques import (
     glowscript,
     multi_layer_peeling,
     sort,
+    thickness,
+    translucency,
     weighted_average,
     weighted_sum,
 )
@@ -38,6 +41,9 @@ class Technique:
     passes: int = 0  # geometry passes at least, as the papers count them; those that peel need more for more layers
     exact: bool = False
     options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
+    maps: tuple[str, ...] = ()  # of `Result`, that it makes besides the picture; the first is what `--map` writes
+    finish: Callable[..., Finished] | None = None
+    """Of techniques with maps: (picture, triangles, background, **options) makes them of picture.values."""
 
 
 TECHNIQUES: dict[str, Technique] = {
@@ -65,6 +71,26 @@ TECHNIQUES: dict[str, Technique] = {
     "glowscript": Technique(
         glowscript.SUMMARY, glowscript.draw, glowscript.buffer_bytes, options=("passes", "coincident")
     ),
+    "thickness": Technique(
+        thickness.SUMMARY,
+        thickness.draw,
+        thickness.buffer_bytes,
+        fragment_bytes=thickness.SCRATCH_BYTES,
+        passes=1,
+        options=thickness.OPTIONS,
+        maps=thickness.MAPS,
+        finish=thickness.finish,
+    ),
+    "translucency": Technique(
+        translucency.SUMMARY,
+        translucency.draw,
+        thickness.buffer_bytes,
+        fragment_bytes=thickness.SCRATCH_BYTES,
+        passes=1,
+        options=translucency.OPTIONS,
+        maps=thickness.MAPS,
+        finish=translucency.finish,
+    ),
     "weighted-average": Technique(
         weighted_average.SUMMARY, weighted_average.draw, weighted_sum.buffer_bytes, passes=1, options=("precision",)
     ),
@@ -79,3 +105,8 @@ def technique(name: str) -> Technique:
     if name not in TECHNIQUES:
         raise InputError(f"technique: expected one of {', '.join(TECHNIQUES)}; got {name!r}")
     return TECHNIQUES[name]
+
+
+def with_map(name: str) -> list[str]:
+    """The techniques that make the map of that name."""
+    return [technique for technique, made in TECHNIQUES.items() if name in made.maps]

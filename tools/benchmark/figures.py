@@ -134,7 +134,11 @@ def unsorted(bench: Bench) -> Values:
 def exactness(bench: Bench) -> Values:
     from clpeel.techniques import TECHNIQUES
 
-    cheap = [name for name, technique in TECHNIQUES.items() if not technique.exact and technique.passes == 1]
+    cheap = [
+        name
+        for name, technique in TECHNIQUES.items()
+        if not (technique.exact or technique.maps) and technique.passes == 1
+    ]
     if not cheap:
         raise Skipped(f"no inexact technique of one pass is registered, such as {CHEAP}; only {', '.join(TECHNIQUES)}")
     names = ["sort", *cheap]

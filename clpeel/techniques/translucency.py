@@ -1,0 +1,77 @@
+"""translucency: a light behind the scene, seen through what is thin (techniques/translucency.cl).
+
+"Dual depth buffering for translucency rendering": what comes through is exp(-extinction thickness), by any of the
+variants of `thickness`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from clpeel.composite import Finished, Picture
+from clpeel.draw import Drawn
+from clpeel.errors import InputError
+from clpeel.projection import Triangles
+from clpeel.techniques.thickness import maps_of, measure
+
+SUMMARY = "surfaces with a light behind them, which comes through where they are thin"
+OPTIONS = ("variant", "sigma", "light_color")
+
+LIGHT_COLOR = (1.0, 0.93, 0.8)
+"""A warm white."""
+
+REFLECTANCE = 0.35
+"""What a white surface reflects of the light at the camera."""
+
+OPTICAL_DIAGONAL = 6.0
+"""sigma, unless told, times the diagonal of the scene's bounds."""
+
+
+def extinction(triangles: Triangles, sigma: Any) -> float:
+    """sigma, a scene unit, as given or OPTICAL_DIAGONAL over the scene's diagonal; or InputError."""
+    if sigma is None:
+        low, high = triangles.scene.scene.bounds
+        return OPTICAL_DIAGONAL / (float(np.linalg.norm(high - low)) or 1.0)
+    try:
+        value = float(sigma)
+    except (TypeError, ValueError):
+        value = -1.0
+    if not 0 <= value < math.inf:
+        raise InputError(f"sigma: expected a number of 0 or more, a scene unit, got {sigma!r}")
+    return value
+
+
+def checked_light(color: Any) -> tuple[float, float, float]:
+    """Three numbers 0..1, or InputError."""
+    try:
+        red, green, blue = (float(value) for value in color)
+    except (TypeError, ValueError):
+        raise InputError(f"light_color: expected 3 numbers 0..1, got {color!r}") from None
+    if not all(0 <= value <= 1 for value in (red, green, blue)):
+        raise InputError(f"light_color: expected 3 numbers 0..1, got {color!r}")
+    return red, green, blue
+
+
+def draw(
+    gpu: Any,
+    triangles: Triangles,
+    *arguments: Any,
+    variant: str = "exact",
+    sigma: float | None = None,
+    light_color: Sequence[float] = LIGHT_COLOR,
+) -> Drawn:
+    """Draws a batch of tiles. Raises InputError where an option cannot be."""
+    parameters = extinction(triangles, sigma), *checked_light(light_color), REFLECTANCE
+    return measure("techniques/translucency.cl", variant, False, parameters, gpu, triangles, *arguments)
+
+
+def finish(
+    picture: Picture, triangles: Triangles, background: Any, *, sigma: float | None = None, **options: Any
+) -> Finished:
+    """The maps; the picture is as it was drawn."""
+    maps, stats = maps_of(picture)
+    return Finished(picture.image, picture.color, maps, {**stats, "sigma": extinction(triangles, sigma)})
