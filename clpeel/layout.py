@@ -52,6 +52,9 @@ equal length would fall on the same places of a cache."""
 COLOR_BYTES = 16
 """A colour of four floats: a fragment's own where it varies over a face."""
 
+SOURCE_BYTES = 4
+"""The face of a fragment that has a colour of its own, where it is asked for."""
+
 MAX_CLIP_VERTICES = 10
 """A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners; one more for room."""
 
@@ -63,6 +66,12 @@ CLIPPED_FACE = 0xFFFF
 
 RUN_MAX = 256
 """Fragments of a pixel that are held in private memory at once: deeper ones are sorted in global memory (sort.cl)."""
+
+INSERTED_MAX = 64
+"""Fragments of a pixel that are put into order one by one where they lie (layers.cl); more are sorted by digits."""
+
+ALL_LAYERS = (1 << 32) - 1
+"""More layers than a pixel can have."""
 
 AMBIENT = 0.2
 """Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""

@@ -114,7 +114,7 @@ class Scene:
 
     @cached_property
     def surfaces(self) -> str:
-        """"opaque" where every face is (all its alphas are 1), "transparent" where none is, else "mixed"."""
+        """ "opaque" where every face is (all its alphas are 1), "transparent" where none is, else "mixed"."""
         alpha = self.colors[..., 3]
         solid = np.atleast_1d(alpha == (255 if alpha.dtype == np.uint8 else 1))
         if self.vertex_colors is not None and solid.any():

@@ -69,7 +69,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                     }
             }
             emit_tile(triangles, pair_start, pairs, tile, first_tile, columns, width, height, blocks, &layout, next, faces,
-                      palette, weights, normals, (float3)(view_x, view_y, view_z), fragments, colors);
+                      palette, weights, normals, (float3)(view_x, view_y, view_z), fragments, colors, 0);
 
             uint sum = 0, most = 0;
             for (uint own = 0; own < STRIPS_A_LANE; ++own) {

@@ -16,7 +16,10 @@ from clpeel.techniques import (
     weighted_sum,
 )
 
-PEELING = ("passes", "occlusion_query", "coincident")
+LAYERS = "layers"
+"""Option of all that know a pixel's layers, front to back: gives these besides the picture (layers.py)."""
+
+PEELING = ("passes", "occlusion_query", "coincident", LAYERS)
 """Options of all that peel (peel.py)."""
 
 
@@ -25,7 +28,9 @@ class Technique:
     """How layers are found and blended.
 
     draw: (gpu, triangles, batch, target, capacity, report, **options) draws a batch of tiles with room for `capacity`
-    fragments; fragment_bytes: what it needs for each besides the fragment.
+    fragments; fragment_bytes: what it needs for each besides the fragment. peeled: (**options) to how many transparent
+    layers of a pixel, from the front and from the back, it peels, of those in front of the first opaque one; None where
+    it does not sort.
     """
 
     summary: str
@@ -36,11 +41,22 @@ class Technique:
     )
     exact: bool
     options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
+    peeled: Callable[..., tuple[int, int]] | None = None
 
 
 TECHNIQUES: dict[str, Technique] = {
-    "sort": Technique(sort.SUMMARY, sort.draw, sort.SCRATCH_BYTES, passes=1, exact=True),
-    "depth-peeling": Technique(depth_peeling.SUMMARY, depth_peeling.draw, 0, passes=0, exact=True, options=PEELING),
+    "sort": Technique(
+        sort.SUMMARY, sort.draw, sort.SCRATCH_BYTES, passes=1, exact=True, options=(LAYERS,), peeled=sort.peeled
+    ),
+    "depth-peeling": Technique(
+        depth_peeling.SUMMARY,
+        depth_peeling.draw,
+        0,
+        passes=0,
+        exact=True,
+        options=PEELING,
+        peeled=depth_peeling.peeled,
+    ),
     "dual-depth-peeling": Technique(
         dual_depth_peeling.SUMMARY,
         dual_depth_peeling.draw,
@@ -48,6 +64,7 @@ TECHNIQUES: dict[str, Technique] = {
         passes=dual_depth_peeling.FIRST_PASSES,
         exact=True,
         options=PEELING,
+        peeled=dual_depth_peeling.peeled,
     ),
     "multi-layer-peeling": Technique(
         multi_layer_peeling.SUMMARY,
@@ -56,6 +73,7 @@ TECHNIQUES: dict[str, Technique] = {
         passes=0,
         exact=True,
         options=(*PEELING, "layers_per_pass"),
+        peeled=multi_layer_peeling.peeled,
     ),
     "weighted-average": Technique(
         weighted_average.SUMMARY, weighted_average.draw, 0, passes=1, exact=False, options=("precision",)

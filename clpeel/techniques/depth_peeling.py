@@ -6,9 +6,16 @@ Everitt 2001; Bavoil and Myers 2008, "Depth Peeling": N layers take N geometry p
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
+from clpeel.layout import ALL_LAYERS
 from clpeel.peel import peel
 
 SUMMARY = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
 
 draw = partial(peel, "techniques/depth-peeling.cl", 0)
+
+
+def peeled(passes: int | None = None, **_: Any) -> tuple[int, int]:
+    """One layer a pass, from the front."""
+    return ALL_LAYERS if passes is None else int(passes), 0

@@ -6,7 +6,9 @@ Bavoil and Myers 2008, "Dual Depth Peeling": N layers take N / 2 + 1 geometry pa
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
+from clpeel.layout import ALL_LAYERS
 from clpeel.peel import peel
 
 SUMMARY = "exact: peels the nearest and the farthest layer in each geometry pass; N layers take N / 2 + 1 passes"
@@ -14,3 +16,8 @@ FIRST_PASSES = 1
 """The first pass finds the outermost layers and peels none."""
 
 draw = partial(peel, "techniques/dual-depth-peeling.cl", FIRST_PASSES)
+
+
+def peeled(passes: int | None = None, **_: Any) -> tuple[int, int]:
+    """One layer a peel from the front, and one from the back."""
+    return (ALL_LAYERS, 0) if passes is None else (int(passes), int(passes))

@@ -10,6 +10,7 @@ from typing import Any
 
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
+from clpeel.layout import ALL_LAYERS
 from clpeel.peel import checked_count, peel
 
 SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
@@ -36,3 +37,8 @@ def draw(*arguments: Any, layers_per_pass: int = layers_per_pass(), **options: A
     """Draws a batch of tiles, `layers_per_pass` layers a pass (1..MOST_LAYERS, else InputError)."""
     defines = {"LAYERS_A_PASS": checked_count("layers_per_pass", layers_per_pass, MOST_LAYERS)}
     return peel("techniques/multi-layer-peeling.cl", 0, *arguments, defines=defines, **options)
+
+
+def peeled(passes: int | None = None, layers_per_pass: int = layers_per_pass(), **_: Any) -> tuple[int, int]:
+    """So many layers a pass, from the front."""
+    return ALL_LAYERS if passes is None else int(passes) * int(layers_per_pass), 0

@@ -8,10 +8,15 @@ from __future__ import annotations
 from functools import partial
 
 from clpeel.draw import draw_once
-from clpeel.layout import FRAGMENT_BYTES
+from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
 
 SUMMARY = "exact: sorts each pixel's fragments by depth, then blends them front to back"
 SCRATCH_BYTES = FRAGMENT_BYTES
 """Room to sort long lists in, taken only where a pixel has more than RUN_MAX fragments."""
 
 draw = partial(draw_once, "techniques/sort.cl", SCRATCH_BYTES)
+
+
+def peeled() -> tuple[int, int]:
+    """All layers, from the front."""
+    return ALL_LAYERS, 0

@@ -4,7 +4,7 @@
 // a strip's pixels are held in private memory, a row of vectors for each layer, and sorted side by side by one network,
 // whose steps depend on no depth. A deeper pixel is sorted first where it lies, by its digits.
 // Blending (blending.h) stops where the transmittance is exactly zero: nothing behind can change the picture.
-#include "shading.h"
+#include "sorting.h"
 
 INLINE void exchange(VECTOR(ulong) *nearer, VECTOR(ulong) *farther)
 {
@@ -42,50 +42,6 @@ INLINE void merge_rows(VECTOR(ulong) *all, uint count)
         }
 }
 
-// Sorts one pixel's fragments by their depth keys' digits, the least first, between `list` and `spare`: as many steps for each
-// fragment, however many there are. Digits of what keys are more than the least: often one fewer than keys have.
-static void sort_digits(global ulong *list, global ulong *spare, uint count)
-{
-    ulong8 low = list[0], high = low;
-    PLAIN_LOOP for (uint k = 0; k + 8 <= count; k += 8) {
-        ulong8 some = *(global const Octet *)(list + k);
-        low = MIN(low, some), high = MAX(high, some);
-    }
-    ulong least = list[count - 1], most = least;
-    for (int k = 0; k < 8; ++k) {
-        ulong one = list[count - 1 - MIN((uint)k, count - 1)];
-        least = MIN(least, MIN(((const ulong *)&low)[k], one)), most = MAX(most, MAX(((const ulong *)&high)[k], one));
-    }
-    least &= 0xFFFFFFFF00000000ul;
-    int digits = 0;
-    while (digits < 4 && (most - least) >> (32 + 8 * digits)) ++digits;
-    uint place[4][256];
-    for (uint k = 0; k < 4 * 256; ++k) place[0][k] = 0;
-    PLAIN_LOOP for (uint k = 0; k < count; ++k) {
-        uint key = (uint)((list[k] - least) >> 32);
-        ++place[0][key & 255], ++place[1][key >> 8 & 255], ++place[2][key >> 16 & 255];
-        if (digits == 4) ++place[3][key >> 24];
-    }
-    global ulong *from = list, *to = spare;
-    PLAIN_LOOP for (int digit = 0; digit < digits; ++digit) {
-        int shift = 32 + 8 * digit;
-        uint sum = 0;
-        PLAIN_LOOP for (int k = 0; k < 256; ++k) {
-            uint size = place[digit][k];
-            place[digit][k] = sum;
-            sum += size;
-        }
-        PLAIN_LOOP for (uint k = 0; k < count; ++k) {
-            ulong fragment = from[k];
-            to[place[digit][((fragment - least) >> shift) & 255]++] = fragment;
-        }
-        global ulong *swap = from;
-        from = to, to = swap;
-    }
-    if (from != list)
-        PLAIN_LOOP for (uint k = 0; k < count; k += 8) *(global Octet *)(list + k) = *(global const Octet *)(from + k);
-}
-
 // Whether any pixel lets something through.
 INLINE bool is_seen(VECTOR(float) transmittance)
 {
@@ -101,7 +57,11 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     for (int k = 0; k < STRIP; ++k) {
         uint size = ((const uint *)&count)[k], from = ((const uint *)&begin)[k];
         deepest = MAX(deepest, size);
-        if (size > RUN_MAX) sort_digits(fragments + from, scratch + from, size);
+        if (size <= RUN_MAX) continue;
+        global const ulong *sorted = sort_digits(fragments + from, scratch + from, size);
+        if (sorted != fragments + from)
+            PLAIN_LOOP for (uint i = 0; i < size; i += 8)
+                *(global Octet *)(fragments + from + i) = *(global const Octet *)(sorted + i);
     }
     for (uint first = 0; first < deepest; first += RUN_MAX) {
         VECTOR(ulong) all[RUN_MAX];
