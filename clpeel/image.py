@@ -82,7 +82,7 @@ def whole_folder(path: str | os.PathLike[str], earlier: str) -> Iterator[Path]:
             exists = target.is_dir()
             # Within the folder, or where that is to be: the same file system, so that moving is renaming.
             within = target if exists else target.parent
-            temporary = Path(tempfile.mkdtemp(dir=within, prefix=f".{target.name}.", suffix=".part"))
+            temporary = Path(tempfile.mkdtemp(dir=within, prefix=".clpeel-", suffix=".part"))
         except OSError as error:
             raise InputError(f"output: cannot write {os.fspath(path)!r}: {error.strerror or error}") from None
         yield temporary

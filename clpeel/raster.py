@@ -107,8 +107,8 @@ def rasterize(
 ) -> Iterator[Fragments]:
     """The batch's fragments in the device's memory, at most `capacity` at a time: for techniques of several passes.
 
-    with_sources: whether fragments with colours of their own tell their faces too. Raises InputError when a single pixel
-    has more than that.
+    with_sources: whether fragments with colours of their own tell their faces too. Raises InputError when a single
+    pixel has more than that.
     """
     features = triangles.features
     counts = count_fragments(gpu, triangles, batch)

@@ -215,7 +215,7 @@ class Renderer:
             peeled = chosen.peeled(**options)
             found_layers = find_layers(gpu, on_device, camera, size, lighting != "none", budget, peeled, keep, report)
             seconds[LAYERS_STAGE] = time.perf_counter() - begun
-            seconds["total"] += seconds[LAYERS_STAGE]
+            seconds["total"] = seconds.pop("total") + seconds[LAYERS_STAGE]
             report(1.0, "done")
         return Result(picture.image, stats, picture.color, found_layers)
 
