@@ -69,15 +69,13 @@ class Layers:
         width, height = self.size
         if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
             raise InputError(f"size: expected 1..{MAX_SIDE} pixels a side, got {width} x {height}")
-        n = len(self.triangle)
-        shapes = {"start": (width * height + 1,), "color": (n, 4), "depth": (n,), "triangle": (n,)}
-        for name, shape in shapes.items():
-            array = getattr(self, name)
-            if array.shape != shape or array.dtype != _ARRAYS[name]:
-                wanted = f"{np.dtype(_ARRAYS[name])} {list(shape)}"
-                raise InputError(f"{name}: expected {wanted}, got {array.dtype} {list(array.shape)}")
-        if self.start[0] != 0 or self.start[-1] != n or (self.start[1:] < self.start[:-1]).any():
-            raise InputError(f"start: expected numbers that rise from 0 to {n}, got others")
+        self._check_shape("start", width * height + 1)
+        if self.start[0] != 0 or (self.start[1:] < self.start[:-1]).any():
+            raise InputError("start: expected numbers that rise from 0, got others")
+        n = int(self.start[-1])
+        self._check_shape("color", n, 4)
+        self._check_shape("depth", n)
+        self._check_shape("triangle", n)
         if not np.isfinite(self.color).all():
             raise InputError("color: expected finite numbers, got NaN or infinity")
         if n and self.triangle.min() < 0:
@@ -87,6 +85,11 @@ class Layers:
         # A NaN is not less than any other, nor at least: so it does not pass, wherever it is.
         if np.isnan(self.depth).any() or not ((self.depth[1:] >= self.depth[:-1]) | first[1:-1]).all():
             raise InputError("depth: expected each pixel's front to back, got another order")
+
+    def _check_shape(self, name: str, *shape: int) -> None:
+        array, dtype = getattr(self, name), np.dtype(_ARRAYS[name])
+        if array.shape != shape or array.dtype != dtype:
+            raise InputError(f"{name}: expected {dtype} {list(shape)}, got {array.dtype} {list(array.shape)}")
 
     @cached_property
     def count(self) -> int:
