@@ -155,6 +155,16 @@ def test_any_layers_blended_again_are_the_picture(
             assert (depth >= dense[k - 1][1]).all()
 
 
+def test_to_the_last_of_a_million_roundings(judge: Judge) -> None:
+    # Alphas that vary: one step of float32 more or less in a transmittance shows in about one byte of 2**25 / 255.
+    rgba = np.random.default_rng(9).random((9, 4)).astype(np.float32)
+    plain = soups.stack([1.0, 2.0, 3.0], (255, 255, 255, 255))
+    scene = soups.Soup(plain.vertices, plain.faces, vertex_colors=rgba).scene()
+    for background in ((0.9, 0.5, 0.7), None):
+        result = clpeel.render(scene, AHEAD.camera(), (800, 600), background=background, layers=True)
+        again(result, background, judge)
+
+
 @pytest.mark.parametrize("count", [INSERTED_MAX - 1, INSERTED_MAX, INSERTED_MAX + 1, 300])
 def test_pixels_of_a_tile_have_lists_of_their_own(count: int, lanes: int) -> None:
     # Layer k covers the pixels right of column k * 20 / count only; every third is as far as the one before.
@@ -189,11 +199,13 @@ def test_windows_fit_the_memory_and_change_nothing(
     if colors == "vertex":
         soup = soups.Soup(soup.vertices, soup.faces, vertex_colors=np.repeat(painted, 3, axis=0))
     plenty = clpeel.render(soup.scene(), AHEAD.camera(), size, lanes=lanes, layers=True, memory="256M")
-    most = 0
+    most, at_first = 0, None
     allocate = Gpu.buffer
 
     def watch(gpu: Gpu, name: str, nbytes: int) -> Any:
-        nonlocal most
+        nonlocal most, at_first
+        if name == "pixel_end" and at_first is None:
+            at_first = [n for n in TURNS if n in gpu.buffers]
         held = allocate(gpu, name, nbytes)
         if "kept" in gpu.buffers:
             most = max(most, sum(gpu.buffers[n].size for n in TURNS if n in gpu.buffers))
@@ -202,6 +214,7 @@ def test_windows_fit_the_memory_and_change_nothing(
     monkeypatch.setattr(Gpu, "buffer", watch)
     tight = clpeel.render(soup.scene(), AHEAD.camera(), size, lanes=lanes, layers=True, memory="1M")
     assert tight.stats["fragments"] == count * size[0] * size[1] > 2**20 / 8, "fits a window"
+    assert at_first == ["pairs"], "the picture's buffers have been given back"
     assert 2**19 < most <= 2**20
     assert not {"sources", "kept"} & tight.stats["bytes"].keys()
     same(tight.layers, plenty.layers)
