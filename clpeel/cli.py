@@ -277,6 +277,10 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
     if not options.quiet:
         for note in scene.notes:
             _say(f"note: {note}")
+        if layers and scene.surfaces == "opaque" and options.opaque in (None, "first"):
+            _say(
+                "note: all is opaque, so there is one layer; --opacity 0.5 or --opaque blend peels what lies behind it"
+            )
     camera = make_camera(options, scene)
     if options.verbose:
         _say(f"{name}: {len(scene.faces):,} triangles, read in {loaded - started:.2f} s")
@@ -288,6 +292,10 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         "layers_per_pass": options.layers,
         "occlusion_query": False if options.no_occlusion_query else None,
         "coincident": options.coincident,
+        "opaque": options.opaque,
+        "hazard_window": options.hazard_window,
+        "hazard_order": options.hazard_order,
+        "torn_writes": options.torn_writes or None,
         "precision": options.precision,
         "layers": layers or None,
     }

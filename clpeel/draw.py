@@ -36,7 +36,9 @@ class Drawn:
     """What a batch had: fragments, those of its deepest pixel, and what the geometry passes over it found.
 
     samples_passed: of each pass that was issued; truncated_pixels: those with layers that no pass reached, and hidden:
-    the greatest transmittance of these, which bounds what those layers could have changed in any channel.
+    the greatest transmittance of these, which bounds what those layers could have changed in any channel;
+    opaque_samples: those with an opaque surface, behind which there are no fragments;
+    pass_ticks, ticks: of each pass and of everything, by the device's own count, or 0 where it has none.
     """
 
     fragments: int
@@ -44,6 +46,9 @@ class Drawn:
     samples_passed: tuple[int, ...]
     truncated_pixels: int = 0
     hidden: float = 0.0
+    opaque_samples: int = 0
+    pass_ticks: tuple[int, ...] = ()
+    ticks: int = 0
 
 
 def draw_tiles(
@@ -107,7 +112,7 @@ def draw_once(
         MOST_ROWS,
         -(-most_layers // ROWS_APART) * ROWS_APART + 2,
     )
-    tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
+    tile_totals = gpu.buffer("tile_totals", 16 * batch.tiles)
     capacity = capacity // BLOCK_PIXELS * BLOCK_PIXELS  # slabs begin where rows may
     layers_before, slab = 0, rows * TILE_PIXELS
     while True:
@@ -137,11 +142,11 @@ def draw_once(
             slab=slab,
             tile_totals=tile_totals,
         )
-        totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32)
+        totals = gpu.get(tile_totals, (batch.tiles, 4), np.uint32)
         layers_max = int(totals[:, 1].max())
         if layers_max + LIST_GAP <= slab:
             fragments = int(totals[:, 0].sum(dtype=np.int64))
-            return Drawn(fragments, layers_max, (fragments,))
+            return Drawn(fragments, layers_max, (fragments,), opaque_samples=int(totals[:, 2].sum(dtype=np.int64)))
         if layers_max + LIST_GAP > capacity:
             raise too_deep(layers_max, capacity - LIST_GAP)
         layers_before, slab = slab - LIST_GAP, min(BLOCK_PIXELS * (layers_max + LIST_GAP), capacity)

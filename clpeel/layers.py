@@ -55,8 +55,8 @@ class Layers:
     where the picture was. depth: float32 [n], distance from the camera along its view axis in scene units (infinite
     beyond float32's range). triangle: int32 [n], the face of the scene.
 
-    The order is (depth, submission). A pixel's list ends with its first opaque layer (alpha exactly 1). Raises
-    InputError where the arrays do not fit together.
+    The order is (depth, submission). A pixel's layers end with the first opaque one, whose alpha is exactly 1, unless
+    it was rendered with opaque="blend". Raises InputError where the arrays do not fit together.
     """
 
     size: tuple[int, int]
@@ -232,12 +232,14 @@ def find_layers(
     budget: int,
     peeled: tuple[int, int],
     keep_coincident: bool,
+    opaque_first: bool,
     report: Callable[[float, str], None],
 ) -> Layers:
     """The layers of a view, found in windows within `budget` bytes of the device's memory.
 
     peeled: how many of a pixel's transparent layers from the front and from the back. keep_coincident: of equal depths
-    all, not the first submitted alone. Raises InputError where the budget does not hold one pixel's fragments.
+    all, not the first submitted alone. opaque_first: whether a pixel's layers end with the first opaque one. Raises
+    InputError where the budget does not hold one pixel's fragments.
     """
     gpu.release(*TURNS)
     try:
@@ -257,7 +259,7 @@ def find_layers(
         for batch in tiles.batches(min(batch_budget, largest), TILE_LAYERS_BYTES):
             for window in rasterize(gpu, triangles, batch, capacity, with_sources=True):
                 if window.count:
-                    pieces.append(_peel(gpu, triangles, batch, window, peeled, keep_coincident, clipping))
+                    pieces.append(_peel(gpu, triangles, batch, window, peeled, keep_coincident, opaque_first, clipping))
                 report(float(done_pairs[batch.first_tile + window.window_tile + window.tiles - 1]), "peeling layers")
     finally:
         gpu.queue.finish()
@@ -272,6 +274,7 @@ def _peel(
     window: Fragments,
     peeled: tuple[int, int],
     keep_coincident: bool,
+    opaque_first: bool,
     clipping: tuple[float, float],
 ) -> _Piece:
     """The layers of a window, on the host."""
@@ -285,6 +288,9 @@ def _peel(
         fragments=window.fragments,
         spare=gpu.buffer("scratch", FRAGMENT_BYTES * window.count) if deep else None,
         colors=window.colors,
+        sources=window.sources,
+        faces=triangles.scene.faces,
+        palette=triangles.scene.palette,
         pixel_end=window.pixel_end,
         tile_start=window.tile_start,
         window_tile=window.window_tile,
@@ -295,6 +301,7 @@ def _peel(
         front=peeled[0],
         back=peeled[1],
         keep_coincident=keep_coincident,
+        opaque_first=opaque_first,
         kept=kept_buffer,
     )
     shape = (window.tiles, TILE_PIXELS)

@@ -42,8 +42,9 @@ FRAGMENT_PADDING = 16
 """Fragments that a slab has room for beyond its last: up to seven are read with others (shading.h), and slabs begin
 where rows of 16 may."""
 
-TILE_TOTALS = 5
-"""What peeling tells of a tile: fragments, layers, passes, truncated pixels, the greatest transmittance of those."""
+TILE_TOTALS = 6
+"""What peeling tells of a tile: fragments, layers, passes, truncated pixels, the greatest transmittance of those, and
+samples with an opaque surface."""
 
 LIST_GAP = 8
 """Fragments that a pixel's list has room for beyond its last: they are moved eight at a time (sort.cl), and lists of
@@ -54,6 +55,9 @@ COLOR_BYTES = 16
 
 SOURCE_BYTES = 4
 """The face of a fragment that has a colour of its own, where it is asked for."""
+
+OPAQUE_BYTES = FRAGMENT_BYTES + COLOR_BYTES
+"""Of a sample where opaque surfaces come first: z-far, and the colour there (opaque.h)."""
 
 MAX_CLIP_VERTICES = 10
 """A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners; one more for room."""

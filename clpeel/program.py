@@ -67,7 +67,12 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
     if key not in gpu.programs:
         text = source(path)
         if key not in gpu.builds:
-            options = ["-cl-std=CL1.2", *features.options(), *(f"-D{name}={value}" for name, value in defines.items())]
+            options = [
+                "-cl-std=CL1.2",
+                "-w",
+                *features.options(),
+                *(f"-D{name}={value}" for name, value in defines.items()),
+            ]
             if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
                 options.append(CORRECTLY_ROUNDED)
             with warnings.catch_warnings():

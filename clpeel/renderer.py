@@ -22,8 +22,9 @@ from clpeel.errors import InputError
 from clpeel.image import save_png
 from clpeel.layers import STAGE as LAYERS_STAGE
 from clpeel.layers import Layers, find_layers
-from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE
+from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE, OPAQUE_BYTES
 from clpeel.normals import with_normals
+from clpeel.opaque import draw_opaque
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
 from clpeel.scene import Scene
@@ -31,10 +32,13 @@ from clpeel.techniques import LAYERS
 from clpeel.techniques import technique as technique_named
 
 LIGHTINGS = ("none", "headlight")
+OPAQUE = ("first", "blend")
+"""How surfaces whose alpha is 1 are drawn: before all others, which are then not drawn behind them, or as any other."""
+
 MIN_MEMORY = 1 << 20
 """Bytes that fragments are given at least, however little is left of the budget."""
 
-COMMON_OPTIONS = tuple("camera size technique background lighting samples memory keep_color progress".split())
+COMMON_OPTIONS = tuple("camera size technique background lighting samples memory keep_color opaque progress".split())
 SAMPLES = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples a pixel to samples a side; a side divides a tile's, so that a pixel's samples share a tile."""
 
@@ -48,10 +52,13 @@ class Result:
     image: uint8 [height, width, 4], row 0 on top: over the background, or straight alpha where there is none.
     color: float32 [height, width, 4], premultiplied, before the background.
     stats: technique, passes (geometry passes as the papers count them), passes_issued (with the empty one that ends
-    them), samples_passed [of each], fragments, layers_max, triangles, clipped, discarded, truncated_pixels (with layers
-    that no pass reached; samples, where a pixel has several), truncation_bound (what those could have changed in any
-    channel, at most), clamped_pixels (alphas that add up to more than 1), batches, seconds {stage: s} and
-    kernel_seconds {kernel: s} by the device's clock, seconds_per_pass, bytes {buffer: n}, bytes_per_pixel, device.
+    them), samples_passed [of each], fragments (of transparent surfaces, in front of opaque ones), layers_max (most of
+    those in a sample), opaque_samples (with an opaque surface), triangles, clipped, discarded, truncated_pixels (with
+    layers that no pass reached; samples, where a pixel has several), truncation_bound (what those could have changed
+    in any channel, at most), clamped_pixels (alphas that add up to more than 1), batches, seconds {stage: s} and
+    kernel_seconds {kernel: s} by the device's clock, seconds_per_pass [of each; equal shares where the device cannot
+    tell], bytes {buffer: n}, bytes_per_pixel (those), buffer_bytes_per_pixel (what the technique keeps of a sample),
+    device.
     """
 
     image: NDArray[np.uint8]
@@ -119,6 +126,7 @@ class Renderer:
         memory: int | str | None = None,
         keep_color: bool = True,
         layers: bool = False,
+        opaque: str = "first",
         progress: Progress | None = None,
         **options: Any,
     ) -> Result:
@@ -129,9 +137,10 @@ class Renderer:
         (colours as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged, for smooth edges. memory:
         bytes, or text such as "512M", that the scene and all buffers but the picture may take on the device; by default
         the scene and a quarter of what it leaves. keep_color: whether the result has `color`. layers: whether it has
-        `layers`, those that the technique peels; of one sample a pixel, and not of techniques that do not sort.
-        progress: called with the share done (0..1) and a text. options: those that the technique has besides (its
-        `options`). Raises InputError on any of these that cannot be.
+        `layers`, those that the technique peels; of one sample a pixel, and not of techniques that do not sort. opaque:
+        "first" fills colour and depth with the surfaces whose alpha is 1 and draws the others in front of them alone;
+        "blend" takes them as any other. progress: called with the share done (0..1) and a text. options: those that the
+        technique has besides (its `options`). Raises InputError on any of these that cannot be.
         """
         started = time.perf_counter()
         gpu = self.gpu
@@ -141,6 +150,8 @@ class Renderer:
         size = checked_size(size)
         over = checked_background(background)
         side = checked_samples(samples, size)
+        if opaque not in OPAQUE:
+            raise InputError(f"opaque: expected one of {', '.join(OPAQUE)}; got {opaque!r}")
         check_picture_fits(size, keep_color)
         limit = None if memory is None else parse_memory(memory)
         if camera is None:
@@ -151,7 +162,8 @@ class Renderer:
         gpu.events.clear()
 
         report(0.0, "projecting")
-        triangles = project(gpu, on_device, camera, (size[0] * side, size[1] * side), lighting != "none")
+        sampled = (size[0] * side, size[1] * side)
+        triangles = project(gpu, on_device, camera, sampled, lighting != "none", opaque == "first")
         held = on_device.nbytes + triangles.nbytes
         budget = max(gpu.default_budget(held) if limit is None else limit - held, MIN_MEMORY)
         batch_budget = budget // BATCH_SHARE
@@ -169,7 +181,10 @@ class Renderer:
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
         at_tile = None if progress is None else lambda tile: report(float(done_pairs[tile - 1]), "rendering")
         for batch in tiles.batches(min(batch_budget, largest)):
-            found.append(chosen.draw(gpu, triangles, batch, target, capacity, at_tile, **options))
+            if triangles.features.surfaces == "opaque":
+                found.append(draw_opaque(gpu, triangles, batch, target, at_tile))
+            else:
+                found.append(chosen.draw(gpu, triangles, batch, target, capacity, at_tile, **options))
         clamped_pixels = picture.finish()
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
@@ -179,14 +194,13 @@ class Renderer:
         seconds["total"] = total
         buffers = {name: int(held.size) for name, held in gpu.buffers.items()}
         pixels = size[0] * size[1]
-        samples_passed = [
-            sum(passed) for passed in zip_longest(*(drawn.samples_passed for drawn in found), fillvalue=0)
-        ]
-        issued = max(len(samples_passed), 1)
+        samples_passed = sums(drawn.samples_passed for drawn in found)
+        layers_max = max(drawn.layers_max for drawn in found)
+        mixed = triangles.features.surfaces == "mixed"
         stats: dict[str, Any] = {
             "technique": technique,
-            "passes": max(chosen.passes, sum(passed > 0 for passed in samples_passed)),
-            "passes_issued": issued,
+            "passes": max(min(chosen.passes, len(samples_passed)), sum(passed > 0 for passed in samples_passed)),
+            "passes_issued": len(samples_passed),
             "samples_passed": samples_passed,
             "size": list(size),
             "samples": samples,
@@ -194,16 +208,18 @@ class Renderer:
             "clipped": triangles.clipped,
             "discarded": triangles.discarded,
             "fragments": sum(drawn.fragments for drawn in found),
-            "layers_max": max(drawn.layers_max for drawn in found),
+            "layers_max": layers_max,
+            "opaque_samples": sum(drawn.opaque_samples for drawn in found),
             "truncated_pixels": sum(drawn.truncated_pixels for drawn in found),
             "truncation_bound": max(drawn.hidden for drawn in found),
             "clamped_pixels": clamped_pixels,
             "batches": len(found),
             "seconds": seconds,
-            "seconds_per_pass": seconds.get(technique, 0.0) / issued,
+            "seconds_per_pass": seconds_per_pass(seconds.get(technique, 0.0), found),
             "kernel_seconds": kernel_seconds,
             "bytes": {"scene": on_device.nbytes, **buffers},
             "bytes_per_pixel": (on_device.nbytes + sum(buffers.values())) / pixels,
+            "buffer_bytes_per_pixel": chosen.buffer_bytes(layers_max, options) + (OPAQUE_BYTES if mixed else 0),
             "device": gpu.device.name.strip(),
             "lanes": gpu.lanes,
             "notes": list(self.scene.notes),
@@ -213,7 +229,9 @@ class Renderer:
             begun = time.perf_counter()
             keep = options.get("coincident", "keep") == "keep"
             peeled = chosen.peeled(**options)
-            found_layers = find_layers(gpu, on_device, camera, size, lighting != "none", budget, peeled, keep, report)
+            found_layers = find_layers(
+                gpu, on_device, camera, size, lighting != "none", budget, peeled, keep, opaque == "first", report
+            )
             seconds[LAYERS_STAGE] = time.perf_counter() - begun
             seconds["total"] = seconds.pop("total") + seconds[LAYERS_STAGE]
             report(1.0, "done")
@@ -252,6 +270,20 @@ def check_layers(technique: str, layers: bool, samples: int) -> None:
         check_options(technique, [LAYERS])
         if samples != 1:
             raise InputError(f"layers: expected samples=1, got {samples!r}")
+
+
+def sums(parts: Iterable[tuple[int, ...]]) -> list[int]:
+    """Sums of the first, second, ... number of each part; of those that have one."""
+    return [sum(numbers) for numbers in zip_longest(*parts, fillvalue=0)]
+
+
+def seconds_per_pass(seconds: float, found: Sequence[Drawn]) -> list[float]:
+    """What each geometry pass took of the technique's seconds; the rest is composition, and opaque surfaces."""
+    issued = max(len(drawn.samples_passed) for drawn in found)
+    ticks = sum(drawn.ticks for drawn in found)
+    if ticks == 0 or issued == 0:
+        return [seconds / max(issued, 1)] * issued
+    return [seconds * part / ticks for part in sums(drawn.pass_ticks for drawn in found)]
 
 
 def checked_size(size: Sequence[int]) -> tuple[int, int]:

@@ -115,8 +115,8 @@ class Scene:
     @cached_property
     def surfaces(self) -> str:
         """ "opaque" where every face is (all its alphas are 1), "transparent" where none is, else "mixed"."""
-        alpha = self.colors[..., 3]
-        solid = np.atleast_1d(alpha == (255 if alpha.dtype == np.uint8 else 1))
+        alpha = np.atleast_1d(self.colors[..., 3])
+        solid = alpha == (255 if alpha.dtype == np.uint8 else 1)
         if self.vertex_colors is not None and solid.any():
             solid = solid[self.faces].all(axis=1)
         return "opaque" if solid.all() else "mixed" if solid.any() else "transparent"

@@ -32,6 +32,15 @@ INLINE void blend_over(Colors *destination, const Colors *source)
     destination->alpha *= through;
 }
 
+// The same of all that is behind at once, both premultiplied, with the transmittance of either.
+INLINE void put_over(Colors *front, const Colors *behind)
+{
+    front->red += front->alpha * behind->red;
+    front->green += front->alpha * behind->green;
+    front->blue += front->alpha * behind->blue;
+    front->alpha *= behind->alpha;
+}
+
 // What a buffer of 16-bit floats keeps of a number that is not negative: the nearest, halves to even; beyond 65504 infinity.
 INLINE VECTOR(float) to_half(VECTOR(float) value)
 {

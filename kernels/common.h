@@ -154,6 +154,22 @@ INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int)
 #define POPCOUNT(bits) popcount(bits)
 #endif
 
+// --- time -----------------------------------------------------------------------------------------------------------
+// A clock that ticks evenly, where the device lets kernels read one; else 0.
+#if defined(__x86_64__) && __has_builtin(__builtin_ia32_rdtsc)
+#define TICKS() (ulong)__builtin_ia32_rdtsc()
+#else
+#define TICKS() 0ul
+#endif
+
+// Adds to a number of two words.
+INLINE void add_long(volatile global uint *total, ulong value)
+{
+    uint low = (uint)value, high = (uint)(value >> 32);
+    if (atomic_add(total, low) > ~low) ++high;
+    if (high) atomic_add(total + 1, high);
+}
+
 // --- depth ----------------------------------------------------------------------------------------------------------
 // Reversed depth (larger is nearer) to an unsigned key whose ascending order is front to back.
 // The usual monotone map of floats, complemented: -0.0 and negative values keep their place.

@@ -60,7 +60,7 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
         }
         VECTOR(uint) bytes = to_byte(shown.red) | to_byte(shown.green) << (VECTOR(uint))(8) |
                              to_byte(shown.blue) << (VECTOR(uint))(16) | to_byte(shown.alpha) << (VECTOR(uint))(24);
-        VECTOR(int) below = pixel.alpha < (VECTOR(float))(0.0f);
+        VECTOR(int) below = PASTE(as_, VECTOR(int))(pixel.alpha) < (VECTOR(int))(0);  // -0 over an opaque surface
 #if STRIP % BLOCK == 0
         if (whole) {
             uint block = q / BLOCK_PIXELS, x = left + block % BLOCKS_A_ROW * BLOCK;

@@ -17,35 +17,44 @@
 #ifndef DRAW_H
 #define DRAW_H
 
-#include "composite.h"
-#include "raster.h"
+#include "opaque.h"
 
-// tile_totals: fragments of the tile, and of its deepest pixel. layers_before: only tiles deeper than that, if it is not 0.
+// tile_totals: fragments of the tile, of its deepest pixel, and samples with an opaque surface. layers_before: only tiles deeper than that, if it is not 0.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                  global const uint *faces, global const void *palette, global const float *weights,
                  global const float *normals, float view_x, float view_y, float view_z, uint layers_before, uint rows,
-                 uint slab, global ulong *fragments, global ulong *scratch, global float4 *colors, global uint2 *tile_totals,
+                 uint slab, global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green, float blue,
                  int has_background, int keep_color, volatile global uint *clamped, global uint *image,
                  global float4 *color)
 {
     local Colors layer[TILE_PIXELS / STRIP];
     local uint ends[TILE_PIXELS] __attribute__((aligned(64)));  // inclusive prefix sum of the lists' room
-    local uint taken, total, deepest;
+    local uint taken, total, deepest, solid;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
+    const float3 view = (float3)(view_x, view_y, view_z);
     uint lane = get_local_id(0), held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
     size_t own_slab = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
     fragments += own_slab;
     if (scratch) scratch += own_slab;
     if (FRAGMENT_COLOR) colors += own_slab;
     for (;;) {
-        if (lane == 0) taken = atomic_inc(next_tile), total = deepest = 0;
+        if (lane == 0) taken = atomic_inc(next_tile), total = deepest = solid = 0;
         barrier(CLK_LOCAL_MEM_FENCE);
         uint tile = taken;
         if (tile >= to_tile) break;
         bool wanted = layers_before == 0 || tile_totals[tile].y > layers_before;
-        bool empty = pair_start[tile] == pair_start[tile + 1];
+        uint begin = pair_start[tile], end = pair_start[tile + 1];
+        VECTOR(ulong) z_far[STRIPS_A_LANE];
+        Colors behind[STRIPS_A_LANE];
+        if (MIXED && wanted) {
+            begin = transparent_from(triangles, pairs, begin, end);
+            uint samples = draw_opaque(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, faces,
+                                       palette, weights, normals, view, z_far, behind);
+            atomic_add(&solid, samples);
+        }
+        bool empty = begin == end;
         if (empty)
             for (uint own = 0; own < STRIPS_A_LANE; ++own) layer[own * LANES + lane] = clear;
         bool lists = false;
@@ -68,8 +77,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                         ((uint *)(next + own))[k] = ends[p] != begin ? begin - start : slab;
                     }
             }
-            emit_tile(triangles, pair_start, pairs, tile, first_tile, columns, width, height, blocks, &layout, next, faces,
-                      palette, weights, normals, (float3)(view_x, view_y, view_z), fragments, colors, 0);
+            emit_tile(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, blocks, z_far, &layout, next,
+                      faces, palette, weights, normals, view, fragments, colors, 0);
 
             uint sum = 0, most = 0;
             for (uint own = 0; own < STRIPS_A_LANE; ++own) {
@@ -107,14 +116,19 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 barrier(CLK_LOCAL_MEM_FENCE);
                 if (deepest > held && deepest + LIST_GAP <= slab) first = 0, lists = true;
                 if (lane == 0) {
-                    tile_totals[tile] = (uint2)(total, deepest);
+                    tile_totals[tile] = (uint4)(total, deepest, solid, 0);
                     for (uint p = 1; lists && p < TILE_PIXELS; ++p) ends[p] += ends[p - 1];
                 }
                 barrier(CLK_LOCAL_MEM_FENCE);
             }
         }
+        for (uint own = 0; MIXED && wanted && own < STRIPS_A_LANE; ++own) {
+            Colors over = layer[own * LANES + lane];
+            put_over(&over, behind + own);
+            layer[own * LANES + lane] = over;
+        }
         barrier(CLK_LOCAL_MEM_FENCE);
-        if (empty && lane == 0) tile_totals[tile] = (uint2)(0);
+        if (empty && lane == 0) tile_totals[tile] = (uint4)(0, 0, solid, 0);
         if (wanted && deepest + LIST_GAP <= slab) {
             uint beyond = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
                                          blue, has_background, keep_color, image, color);

@@ -5,8 +5,8 @@
 //   fragments     before: pixel by pixel, in submission order; after: each pixel's layers, from where its list began
 //   kept          how many these are, of each pixel of the window's tiles
 //
-// A pixel's list ends with its first opaque fragment. Of the transparent ones the `front` nearest and the `back` farthest are
-// peeled; without keep_coincident, of equal depths the first submitted alone.
+// With opaque_first a pixel's list ends with its first opaque fragment; of the transparent ones the `front` nearest and the
+// `back` farthest are peeled. Without keep_coincident, of equal depths it is the first submitted alone.
 #include "sorting.h"
 
 // Puts a short list into order where it lies.
@@ -20,20 +20,30 @@ static void sort_inserting(global ulong *list, uint count)
     }
 }
 
-INLINE float alpha_of(ulong fragment, global const void *colors)
+// Whether a fragment is of an opaque surface: one whose alphas are all 1. What interpolation makes of these may miss 1 by some
+// roundings; as such a surface is drawn as what it is (opaque.h), its fragment gets the alpha 1.
+INLINE bool is_opaque(ulong fragment, global float4 *colors, global const uint *sources, global const uint *faces,
+                      global const void *palette)
 {
+    uint payload = (uint)fragment;
+#if COLOR_RATE_VERTEX
+    uint3 face = load_face(faces, sources[payload]);
+    if (palette_color(palette, face.x).w == 1.0f && palette_color(palette, face.y).w == 1.0f &&
+        palette_color(palette, face.z).w == 1.0f)
+        colors[payload].w = 1.0f;
+#endif
 #if FRAGMENT_COLOR
-    return ((global const float4 *)colors)[(uint)fragment].w;
+    return colors[payload].w == 1.0f;
 #else
-    return palette_color(colors, COLOR_RATE_FACE ? (uint)fragment : 0).w;
+    return palette_color(palette, COLOR_RATE_FACE ? payload : 0).w == 1.0f;
 #endif
 }
 
 // spare: as long as `fragments`; read and written only where a pixel has more than INSERTED_MAX.
-kernel void peel_layers(global ulong *fragments, global ulong *spare, global const void *colors,
-                        global const uint *pixel_end, global const uint *tile_start, uint window_tile, uint tiles,
+kernel void peel_layers(global ulong *fragments, global ulong *spare, global float4 *colors, global const uint *sources,
+                        global const uint *faces, global const void *palette, global const uint *pixel_end, global const uint *tile_start, uint window_tile, uint tiles,
                         uint window_start, uint first_pixel, uint last_pixel, uint front, uint back,
-                        int keep_coincident, global uint *kept)
+                        int keep_coincident, int opaque_first, global uint *kept)
 {
     uint at = get_global_id(0), pixel = at % TILE_PIXELS, tile = window_tile + at / TILE_PIXELS;
     if (at / TILE_PIXELS >= tiles) return;
@@ -51,7 +61,7 @@ kernel void peel_layers(global ulong *fragments, global ulong *spare, global con
     for (uint k = 0; k < count && !solid; ++k) {
         ulong fragment = sorted[k];
         if (!keep_coincident && found && list[found - 1] >> 32 == fragment >> 32) continue;
-        solid = alpha_of(fragment, colors) == 1.0f;
+        solid = opaque_first && is_opaque(fragment, colors, sources, faces, palette);
         list[found++] = fragment;  // never ahead of what is read
     }
     uint clear = found - solid;

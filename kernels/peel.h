@@ -18,51 +18,33 @@
 //   blend_peeled(buffers, i, colors)        blends it into the colour buffers
 //   end_pass(buffers, same_depth)           returns where there is more to peel
 //   seen_through(buffers)                   the transmittance of what is peeled and lies in front of what is not
-//   merge(buffers, merged)                  the colour buffers to premultiplied colour and transmittance
+//   merge(buffers, merged)                  puts the colour buffers over premultiplied colour and transmittance
+//
+// and, where concurrent writes may spoil a pass, REPEATS, so that it is repeated until nothing passes any more, before its layers
+// are blended:
+//   goes_round(buffers)                     ends one of these; returns 1 + the number of a pixel for which there is no end to
+//                                           them, or 0
 //
 // same_depth: 0, or ~0 in the lower half: fragments of equal depth are then one, the first submitted, as in the papers.
 #ifndef PEEL_H
 #define PEEL_H
 
-#include "composite.h"
-#include "raster.h"
+#include "opaque.h"
 
-// The colours of a strip's fragments. Those that vary over a face are not kept: they are computed where a layer is blended,
-// and the payload says at which place in the lists the record is.
-INLINE void colors_of(VECTOR(ulong) fragment, int strip, int tile_x, int tile_y, int width, int height,
-                      global const Triangle *triangles, global const uint *pairs, global const uint *faces,
-                      global const void *palette, global const float *weights, global const float *normals, float3 view,
-                      Colors *colors)
-{
-#if FRAGMENT_COLOR
-    for (int k = 0; k < STRIP; ++k) {
-        float4 color = (float4)(0.0f);
-        uint payload = (uint)((const ulong *)&fragment)[k];
-        if (payload != (uint)ABSENT) {
-            int pixel = strip * STRIP + k, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
-            int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, width);
-            int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, height);
-            float weight[3];
-            global const Triangle *t = triangles + pairs[payload];
-            weights_at(t, x, y, weight);
-            color = shade(weight, pairs[payload], t->source, faces, palette, weights, normals, view);
-        }
-        ((float *)&colors->red)[k] = color.x, ((float *)&colors->green)[k] = color.y;
-        ((float *)&colors->blue)[k] = color.z, ((float *)&colors->alpha)[k] = color.w;
-    }
-#else
-    fetch_colors(&fragment, 1, palette, colors);
+#ifndef REPEATS
+#define REPEATS 0
 #endif
-}
 
-// pass_totals: samples that passed in each pass, two words each.
-// tile_totals: of each tile, its fragments, the layers peeled of its deepest pixel, its passes, its truncated pixels, and the
-// greatest transmittance of those (a float's bits).
+// pass_totals: of each pass the samples that passed and the ticks it took, two words each; at last, the ticks of it all. With
+// REPEATS, a peel may take `most_repeats` passes, and those of the n-th begin at n times that, however many it takes.
+// tile_totals: of each tile, its fragments, the layers peeled of its deepest pixel, its passes (with REPEATS, 1 + the number
+// of a pixel for which there is no end to them), its truncated pixels, the
+// greatest transmittance of those (a float's bits), and samples with an opaque surface.
 kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                  global const uint *faces, global const void *palette, global const float *weights,
                  global const float *normals, float view_x, float view_y, float view_z, uint most_passes,
-                 int occlusion_query, int keep_coincident, volatile global uint *pass_totals, global uint *tile_totals,
+                 uint most_repeats, int occlusion_query, int keep_coincident, volatile global uint *pass_totals, global uint *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green,
                  float blue, int has_background, int keep_color, volatile global uint *clamped, global uint *image,
                  global float4 *color)
@@ -71,6 +53,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
     local uint taken, totals[TILE_TOTALS];
     const ulong same_depth = keep_coincident ? 0 : 0xFFFFFFFFul;
     const float3 view = (float3)(view_x, view_y, view_z);
+    const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     for (;;) {
         if (get_local_id(0) == 0) {
             taken = atomic_inc(next_tile);
@@ -79,7 +62,16 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         barrier(CLK_LOCAL_MEM_FENCE);
         uint tile = taken;
         if (tile >= to_tile) break;
+        ulong entered = TICKS();
         ENTER_TILE
+        VECTOR(ulong) z_far[STRIPS_A_LANE];
+        Colors behind[STRIPS_A_LANE];
+        uint solid = 0;
+        if (MIXED) {
+            list_begin = transparent_from(triangles, pairs, list_begin, list_end);
+            solid = draw_opaque(triangles, pair_start, pairs, tile, list_begin, first_tile, columns, width, height, faces,
+                                palette, weights, normals, view, z_far, behind);
+        }
         Buffers buffers[STRIPS_A_LANE];
         VECTOR(int) more[STRIPS_A_LANE];
         VECTOR(uint) layers[STRIPS_A_LANE];
@@ -87,17 +79,40 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             clear_buffers(buffers + own);
             more[own] = (VECTOR(int))(0), layers[own] = (VECTOR(uint))(0);
         }
-        uint fragments = 0, pass = 0, passed = 0;
+        uint fragments = 0, pass = 0, passed = 0, endless = 0;
         bool left_over = true;
         while (pass < most_passes && (left_over || !occlusion_query)) {
+            ulong begun = TICKS();
             passed = 0, left_over = false;
             for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own);
             VISITS((1u << TILE_BLOCKS) - 1)
             VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+            if (MIXED) {
+                VECTOR(ulong) submitted = fragment | (VECTOR(ulong))((ulong)t->source);
+                covered &= CONVERT(int, STRIP, submitted < (z_far[OWN(block)] & (VECTOR(ulong))(~same_depth)));
+            }
             fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
             if (pass == 0) fragments += POPCOUNT(BITS_OF(covered));
             passed += POPCOUNT(BITS_OF(pass_samples(buffers + OWN(block), covered, fragment, same_depth)));
             END_VISITS
+            volatile global uint *totals_of_pass = pass_totals + 4 * pass++;
+            if (passed) add_long(totals_of_pass, passed);
+#if REPEATS
+            for (int own = 0; own < STRIPS_A_LANE; ++own) {
+                uint pixel = goes_round(buffers + own);
+                if (pixel) endless = pixel + (own * LANES + lane) * STRIP;
+            }
+            if (lane == 0) add_long(totals_of_pass + 2, TICKS() - begun);
+            if (passed && !endless && pass % most_repeats == 0) endless = 1 + lane * STRIP;
+            if (endless) break;
+            if (passed) {
+                left_over = true;
+                continue;
+            }
+            passed = pass % most_repeats > 1;  // whether the first of these passes found something
+            pass += most_repeats - pass % most_repeats;
+            for (int own = 0; own < STRIPS_A_LANE && !passed; ++own) more[own] = (VECTOR(int))(0);
+#endif
             for (int own = 0; own < STRIPS_A_LANE && passed; ++own) {
                 for (int i = 0; i < PEELED; ++i) {
                     Colors colors;
@@ -112,12 +127,11 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 more[own] = end_pass(buffers + own, same_depth);
                 left_over |= BITS_OF(more[own]) != 0;
             }
-            volatile global uint *total = pass_totals + 2 * pass++;
-            if (passed && atomic_add(total, passed) > ~passed) atomic_inc(total + 1);
+            if (!REPEATS && lane == 0) add_long(totals_of_pass + 2, TICKS() - begun);
         }
         uint truncated = 0, deepest = 0, hidden = 0;
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
-            Colors merged;
+            Colors merged = MIXED ? behind[own] : clear;
             merge(buffers + own, &merged);
             VECTOR(float) seen = seen_through(buffers + own);
             for (int k = 0; k < STRIP; ++k) {
@@ -131,14 +145,16 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         }
         atomic_add(totals, fragments);
         atomic_max(totals + 1, deepest);
-        atomic_max(totals + 2, pass + (uint)(passed && !left_over && pass < most_passes));
+        atomic_max(totals + 2, REPEATS ? endless : pass + (uint)(passed && !left_over && pass < most_passes));
         atomic_add(totals + 3, truncated);
         atomic_max(totals + 4, hidden);
+        atomic_add(totals + 5, solid);
         barrier(CLK_LOCAL_MEM_FENCE);
         for (int k = lane; k < TILE_TOTALS; k += LANES) tile_totals[TILE_TOTALS * tile + k] = totals[k];
         uint beyond_one = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
                                          blue, has_background, keep_color, image, color);
         if (beyond_one) atomic_add(clamped, beyond_one);
+        if (lane == 0) add_long(pass_totals + 4 * most_passes, TICKS() - entered);
         barrier(CLK_LOCAL_MEM_FENCE);
     }
 }

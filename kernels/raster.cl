@@ -52,6 +52,6 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
             int p = (own * LANES + (int)get_local_id(0)) * STRIP + k;
             ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) + tile_start[tile] - window_start;
         }
-    emit_tile(triangles, pair_start, pairs, tile, first_tile, columns, width, height, 0xFFFF, &lists, next, faces, palette,
+    emit_tile(triangles, pair_start, pairs, tile, pair_start[tile], first_tile, columns, width, height, 0xFFFF, 0, &lists, next, faces, palette,
               weights, normals, (float3)(view_x, view_y, view_z), fragments, colors, sources);
 }

@@ -234,22 +234,55 @@ INLINE float4 shade(const float weight[3], uint record, uint source, global cons
 }
 #endif
 
+// The colours of a strip's fragments that have a face's colour, or else the place of their record in the lists as payload:
+// colours that vary over a face are not kept then, but computed where they are needed.
+INLINE void colors_of(VECTOR(ulong) fragment, int strip, int tile_x, int tile_y, int width, int height,
+                      global const Triangle *triangles, global const uint *pairs, global const uint *faces,
+                      global const void *palette, global const float *weights, global const float *normals, float3 view,
+                      Colors *colors)
+{
+#if FRAGMENT_COLOR
+    for (int k = 0; k < STRIP; ++k) {
+        float4 color = (float4)(0.0f);
+        uint payload = (uint)((const ulong *)&fragment)[k];
+        if (payload != (uint)ABSENT) {
+            int pixel = strip * STRIP + k, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
+            int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, width);
+            int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, height);
+            float weight[3];
+            global const Triangle *t = triangles + pairs[payload];
+            weights_at(t, x, y, weight);
+            color = shade(weight, pairs[payload], t->source, faces, palette, weights, normals, view);
+        }
+        ((float *)&colors->red)[k] = color.x, ((float *)&colors->green)[k] = color.y;
+        ((float *)&colors->blue)[k] = color.z, ((float *)&colors->alpha)[k] = color.w;
+    }
+#else
+    fetch_colors(&fragment, 1, palette, colors);
+#endif
+}
+
 // Where a walk puts fragments: the next of a pixel's at its `next`, further ones `step` on, as long as that is below `room`;
 // strip s begins `strip_room` times s on. In rows: IOTA, STRIP and the room of a strip, twice. In lists: where they begin, 1,
 // what there is room for, and 0. A `next` beyond the room, or below zero, is for fragments that are left to another time.
 typedef struct { uint step, room, strip_room; } Layout;
 
-// Emits a tile's fragments that lie in these blocks; at the end `next` is beyond the last, whether there was room or not.
-// sources: where the payload is a place, the faces, if they are wanted; else NULL.
+// Emits the fragments of a tile's records from `begin` on that lie in these blocks and, where surfaces are MIXED, in front of
+// z_far (opaque.h); at the end `next` is beyond the last, whether there was room or not. sources: where the payload is a place,
+// the faces, if they are wanted; else NULL.
 INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                      uint tile, uint first_tile, int columns, int width, int height, uint blocks, const Layout *layout,
-                      VECTOR(uint) *next, global const uint *faces, global const void *palette,
+                      uint tile, uint begin, uint first_tile, int columns, int width, int height, uint blocks,
+                      const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next, global const uint *faces, global const void *palette,
                       global const float *weights, global const float *normals, float3 view, global ulong *fragments,
                       global float4 *colors, global uint *sources)
 {
     ENTER_TILE
+    list_begin = begin;
     VISITS(blocks)
     VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+#if MIXED
+    covered &= CONVERT(int, STRIP, (value | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block)]);
+#endif
     VECTOR(uint) *places = next + OWN(block);
     uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
 #if FRAGMENT_COLOR

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.techniques import (
     depth_peeling,
     dual_depth_peeling,
+    glowscript,
     multi_layer_peeling,
     sort,
     weighted_average,
@@ -20,7 +22,7 @@ LAYERS = "layers"
 """Option of all that know a pixel's layers, front to back: gives these besides the picture (layers.py)."""
 
 PEELING = ("passes", "occlusion_query", "coincident", LAYERS)
-"""Options of all that peel (peel.py)."""
+"""Options of all that peel until nothing is left (peel.py)."""
 
 
 @dataclass(frozen=True)
@@ -28,31 +30,36 @@ class Technique:
     """How layers are found and blended.
 
     draw: (gpu, triangles, batch, target, capacity, report, **options) draws a batch of tiles with room for `capacity`
-    fragments; fragment_bytes: what it needs for each besides the fragment. peeled: (**options) to how many transparent
-    layers of a pixel, from the front and from the back, it peels, of those in front of the first opaque one; None where
-    it does not sort.
+    fragments; buffer_bytes: (layers, options) tells what it keeps of a sample with so many layers; fragment_bytes: what
+    it needs for each fragment besides the fragment. peeled: (**options) to how many transparent layers of a pixel, from
+    the front and from the back, it peels; None where it does not sort.
     """
 
     summary: str
     draw: Callable[..., Drawn]
-    fragment_bytes: int
-    passes: (
-        int  # geometry passes at least, as the paper counts them; those that peel need more, the more layers there are
-    )
-    exact: bool
+    buffer_bytes: Callable[[int, dict[str, Any]], int]
+    fragment_bytes: int = 0
+    passes: int = 0  # geometry passes at least, as the papers count them; those that peel need more for more layers
+    exact: bool = False
     options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
     peeled: Callable[..., tuple[int, int]] | None = None
 
 
 TECHNIQUES: dict[str, Technique] = {
     "sort": Technique(
-        sort.SUMMARY, sort.draw, sort.SCRATCH_BYTES, passes=1, exact=True, options=(LAYERS,), peeled=sort.peeled
+        sort.SUMMARY,
+        sort.draw,
+        sort.buffer_bytes,
+        fragment_bytes=sort.SCRATCH_BYTES,
+        passes=1,
+        exact=True,
+        options=(LAYERS,),
+        peeled=sort.peeled,
     ),
     "depth-peeling": Technique(
         depth_peeling.SUMMARY,
         depth_peeling.draw,
-        0,
-        passes=0,
+        depth_peeling.buffer_bytes,
         exact=True,
         options=PEELING,
         peeled=depth_peeling.peeled,
@@ -60,7 +67,7 @@ TECHNIQUES: dict[str, Technique] = {
     "dual-depth-peeling": Technique(
         dual_depth_peeling.SUMMARY,
         dual_depth_peeling.draw,
-        0,
+        dual_depth_peeling.buffer_bytes,
         passes=dual_depth_peeling.FIRST_PASSES,
         exact=True,
         options=PEELING,
@@ -69,17 +76,23 @@ TECHNIQUES: dict[str, Technique] = {
     "multi-layer-peeling": Technique(
         multi_layer_peeling.SUMMARY,
         multi_layer_peeling.draw,
-        0,
-        passes=0,
+        multi_layer_peeling.buffer_bytes,
         exact=True,
-        options=(*PEELING, "layers_per_pass"),
+        options=(*PEELING, "layers_per_pass", "hazard_window", "hazard_order", "torn_writes"),
         peeled=multi_layer_peeling.peeled,
     ),
+    "glowscript": Technique(
+        glowscript.SUMMARY,
+        glowscript.draw,
+        glowscript.buffer_bytes,
+        options=("passes", "coincident", LAYERS),
+        peeled=glowscript.peeled,
+    ),
     "weighted-average": Technique(
-        weighted_average.SUMMARY, weighted_average.draw, 0, passes=1, exact=False, options=("precision",)
+        weighted_average.SUMMARY, weighted_average.draw, weighted_sum.buffer_bytes, passes=1, options=("precision",)
     ),
     "weighted-sum": Technique(
-        weighted_sum.SUMMARY, weighted_sum.draw, 0, passes=1, exact=False, options=("precision",)
+        weighted_sum.SUMMARY, weighted_sum.draw, weighted_sum.buffer_bytes, passes=1, options=("precision",)
     ),
 }
 

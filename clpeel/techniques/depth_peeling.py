@@ -10,8 +10,15 @@ from typing import Any
 
 from clpeel.layout import ALL_LAYERS
 from clpeel.peel import peel
+from clpeel.techniques import multi_layer_peeling
 
 SUMMARY = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
+
+
+def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
+    """Those of multi-layer peeling of one layer a pass."""
+    return multi_layer_peeling.buffer_bytes(layers, {"layers_per_pass": 1})
+
 
 draw = partial(peel, "techniques/depth-peeling.cl", 0)
 

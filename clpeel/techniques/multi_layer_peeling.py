@@ -10,11 +10,17 @@ from typing import Any
 
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
-from clpeel.layout import ALL_LAYERS
+from clpeel.layout import ALL_LAYERS, COLOR_BYTES, FRAGMENT_BYTES
 from clpeel.peel import checked_count, peel
 
 SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
 MOST_LAYERS = 64
+HAZARD_ORDERS = ("nearest-last", "arrival")
+"""In which writes of a wave land: farthest first, which keeps the paper's bound of M passes, or as fragments arrive."""
+
+MAX_WINDOW = 2**31 - 1
+TORN_WINDOW = 2
+"""Fragments in flight at once where writes are torn, unless told: the two of the paper's Figure 2."""
 
 
 def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int = 4, depth_bytes: int = 4) -> int:
@@ -33,12 +39,45 @@ def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int =
     return layers
 
 
-def draw(*arguments: Any, layers_per_pass: int = layers_per_pass(), **options: Any) -> Drawn:
-    """Draws a batch of tiles, `layers_per_pass` layers a pass (1..MOST_LAYERS, else InputError)."""
-    defines = {"LAYERS_A_PASS": checked_count("layers_per_pass", layers_per_pass, MOST_LAYERS)}
-    return peel("techniques/multi-layer-peeling.cl", 0, *arguments, defines=defines, **options)
+def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
+    """z_near, a slot for each layer of a pass, whether there is more, the colour; see Buffers in the kernel file."""
+    slots = options.get("layers_per_pass", layers_per_pass())
+    return FRAGMENT_BYTES * (1 + slots) + 4 + COLOR_BYTES
 
 
-def peeled(passes: int | None = None, layers_per_pass: int = layers_per_pass(), **_: Any) -> tuple[int, int]:
-    """So many layers a pass, from the front."""
+def draw(
+    *arguments: Any,
+    layers_per_pass: int = layers_per_pass(),
+    hazard_window: int | None = None,
+    hazard_order: str = "nearest-last",
+    torn_writes: bool = False,
+    **options: Any,
+) -> Drawn:
+    """Draws a batch of tiles, `layers_per_pass` layers a pass (1..MOST_LAYERS, else InputError).
+
+    hazard_window: simulates concurrent writes, of so many fragments of a pixel at once, where it is given; in which
+    order they land: one of HAZARD_ORDERS; and, with torn_writes, of two that meet each commits half of its targets.
+    Raises InputError where the inner loop of Table 1 then has no end.
+    """
+    layers = checked_count("layers_per_pass", layers_per_pass, MOST_LAYERS)
+    defines = {"LAYERS_A_PASS": layers}
+    if hazard_order not in HAZARD_ORDERS:
+        raise InputError(f"hazard_order: expected one of {', '.join(HAZARD_ORDERS)}; got {hazard_order!r}")
+    if hazard_window is None and not torn_writes:
+        return peel("techniques/multi-layer-peeling.cl", 0, *arguments, defines=defines, **options)
+    for name in options.keys() & {"passes", "occlusion_query"}:
+        raise InputError(f"{name}: expected none with hazard_window: its passes end when nothing is written; got one")
+    window = TORN_WINDOW if hazard_window is None else hazard_window
+    defines["HAZARD_WINDOW"] = checked_count("hazard_window", window, MAX_WINDOW)
+    defines["HAZARD_ARRIVAL"] = int(hazard_order == "arrival")
+    defines["TORN_WRITES"] = int(torn_writes)
+    return peel("techniques/multi-layer-hazards.cl", 0, *arguments, defines=defines, layers_a_pass=layers, **options)
+
+
+def peeled(
+    passes: int | None = None, layers_per_pass: int = layers_per_pass(), torn_writes: bool = False, **_: Any
+) -> tuple[int, int]:
+    """So many layers a pass, from the front. Raises InputError with torn_writes, which may lose some."""
+    if torn_writes:
+        raise InputError("layers: expected no torn_writes, with which layers may be lost; got both")
     return ALL_LAYERS if passes is None else int(passes) * int(layers_per_pass), 0

@@ -10,10 +10,16 @@ from typing import Any
 
 from clpeel.draw import Drawn, draw_once
 from clpeel.errors import InputError
+from clpeel.layout import FRAGMENT_BYTES
 
 SUMMARY = "fast, not exact: adds up the colours times their alphas in any order; right where alphas are small"
 PRECISIONS = ("float32", "half")
 """Of the buffers that sums are kept in: half is the papers', rounded to 16 bits at every sum."""
+
+
+def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
+    """All fragments of a sample: they are kept until they can be added up in the order of submission."""
+    return FRAGMENT_BYTES * layers
 
 
 def draw_sums(path: str, *arguments: Any, precision: str = "float32") -> Drawn:

@@ -77,13 +77,13 @@ INLINE VECTOR(int) end_pass(Buffers *b, ulong same_depth)
 // What lies between is seen through the front, and changes what is seen of the back.
 INLINE VECTOR(float) seen_through(const Buffers *b) { return b->front.alpha; }
 
-// The front under-blends the back.
+// The front under-blends the back, and both what is behind them.
 INLINE void merge(const Buffers *b, Colors *merged)
 {
-    merged->red = b->front.red + b->front.alpha * b->back.red;
-    merged->green = b->front.green + b->front.alpha * b->back.green;
-    merged->blue = b->front.blue + b->front.alpha * b->back.blue;
-    merged->alpha = b->front.alpha * b->back.alpha;
+    Colors front = b->front;
+    put_over(&front, &b->back);
+    put_over(&front, merged);
+    *merged = front;
 }
 
 #include "peel.h"

@@ -68,6 +68,11 @@ INLINE VECTOR(int) end_pass(Buffers *b, ulong same_depth)
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return b->color.alpha; }
 
-INLINE void merge(const Buffers *b, Colors *merged) { *merged = b->color; }
+INLINE void merge(const Buffers *b, Colors *merged)
+{
+    Colors front = b->color;
+    put_over(&front, merged);
+    *merged = front;
+}
 
 #include "peel.h"

@@ -26,10 +26,10 @@ def average(colors: np.ndarray) -> np.ndarray:
 
 
 def render(colors: np.ndarray, lanes: int = 1, **options: str) -> np.ndarray:
-    """One pixel's premultiplied colour with these layers, in random order of distance."""
+    """One pixel's premultiplied colour with these layers, opaque ones too, in random order of distance."""
     away = np.random.default_rng(0).permutation(np.linspace(1, 7, len(colors)))
     scene = soups.stack(away, np.asarray(colors, np.float32)).scene()
-    result = clpeel.render(scene, AHEAD.camera(), (5, 3), "weighted-average", lanes=lanes, **options)
+    result = clpeel.render(scene, AHEAD.camera(), (5, 3), "weighted-average", lanes=lanes, opaque="blend", **options)
     assert (result.color == result.color[0, 0]).all()
     return result.color[0, 0].astype(float)
 
@@ -93,7 +93,7 @@ def test_the_same_bits_on_both_shapes(judge: Judge) -> None:
 def test_half_sums_stick(alpha: float, sticks: float, lanes: int) -> None:
     """EXTREMES 14: where half a step of the sum is more than what is added, and float32 does not."""
     scene = soups.stack(np.linspace(1, 7, 5000), (1.0, 0.0, 0.0, alpha)).scene()
-    call = {"camera": AHEAD.camera(), "size": (2, 2), "technique": "weighted-sum", "lanes": lanes}
+    call = {"camera": AHEAD.camera(), "size": (2, 2), "technique": "weighted-sum", "lanes": lanes, "opaque": "blend"}
     assert (clpeel.render(scene, precision="half", **call).color[..., 0] == sticks).all()
     exact = 5000 * float(np.float32(alpha))
     assert abs(clpeel.render(scene, precision="float32", **call).color[0, 0, 0] - exact) <= 5000 * UNIT * exact

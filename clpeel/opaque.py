@@ -1,0 +1,40 @@
+"""Opaque scenes: a batch of tiles to the picture in one pass, whatever the technique (opaque.cl)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from clpeel.binning import Batch
+from clpeel.device import Gpu
+from clpeel.draw import Drawn, Report, draw_tiles, groups_for
+from clpeel.program import program
+from clpeel.projection import Triangles
+from clpeel.raster import walk_arguments
+
+STAGE = "opaque"
+
+
+def draw_opaque(
+    gpu: Gpu, triangles: Triangles, batch: Batch, target: dict[str, Any], report: Report | None = None
+) -> Drawn:
+    """Draws the nearest surface of each sample: no fragments are kept, and no geometry pass is made besides this one.
+
+    target, report: as for draw_once (draw.py).
+    """
+    tile_samples = gpu.buffer("tile_totals", 4 * batch.tiles)
+    draw_tiles(
+        gpu,
+        STAGE,
+        program(gpu, "opaque.cl", triangles.features)["draw"],
+        groups_for(gpu, batch),
+        batch,
+        report,
+        **walk_arguments(triangles, batch),
+        **triangles.shading,
+        **target,
+        tile_samples=tile_samples,
+    )
+    samples = gpu.get(tile_samples, batch.tiles, np.uint32)
+    return Drawn(0, 0, (), opaque_samples=int(samples.sum(dtype=np.int64)))

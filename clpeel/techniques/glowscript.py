@@ -1,0 +1,34 @@
+"""glowscript: opaque surfaces, then at most four peels in front of them (techniques/glowscript.cl).
+
+"Details about handling transparency with depth peeling" (GlowScript): no occlusion query, as reading it back costs more
+than the passes it saves, so that the number of passes is fixed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from clpeel.draw import Drawn
+from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES
+from clpeel.peel import checked_count, peel
+
+SUMMARY = (
+    "the four foremost layers, or as many --passes as told, in front of opaque surfaces; what is behind is left out"
+)
+MOST_PEELS = 4
+
+
+def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
+    """z_near, slot, whether there is more, and the peels' colours; see Buffers in the kernel file."""
+    return 2 * FRAGMENT_BYTES + 4 + MOST_PEELS * COLOR_BYTES
+
+
+def draw(*arguments: Any, passes: int = MOST_PEELS, **options: Any) -> Drawn:
+    """Draws a batch of tiles with `passes` peels (1..MOST_PEELS, else InputError)."""
+    peels = checked_count("passes", passes, MOST_PEELS)
+    return peel("techniques/glowscript.cl", 0, *arguments, passes=peels, occlusion_query=False, **options)
+
+
+def peeled(passes: int = MOST_PEELS, **_: Any) -> tuple[int, int]:
+    """One layer a peel, from the front."""
+    return int(passes), 0
