@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
     from clpeel.errors import NoDeviceError as NoDeviceError
+    from clpeel.layers import Layers as Layers
+    from clpeel.layers import load_layers as load_layers
     from clpeel.loading import load as load
     from clpeel.renderer import Renderer as Renderer
     from clpeel.renderer import Result as Result
@@ -23,11 +25,13 @@ _HOMES = {
     "Camera": "clpeel.camera",
     "ClpeelError": "clpeel.errors",
     "InputError": "clpeel.errors",
+    "Layers": "clpeel.layers",
     "NoDeviceError": "clpeel.errors",
     "Renderer": "clpeel.renderer",
     "Result": "clpeel.renderer",
     "Scene": "clpeel.scene",
     "load": "clpeel.loading",
+    "load_layers": "clpeel.layers",
     "render": "clpeel.renderer",
 }
 

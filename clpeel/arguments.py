@@ -25,6 +25,11 @@ examples:
   clpeel render dragon.ply.gz --unlit --no-background --stats -o dragon.png
 """
 
+LAYERS = """\
+Peel mesh files, front to back: a numbered PNG for each layer, each alone over the background, and layers.npz with
+the colours, depths and triangles of all, which clpeel.load_layers reads. PNGs of an earlier run are replaced.
+"""
+
 
 # --- values of options ------------------------------------------------------------------------------------------------
 
@@ -187,7 +192,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         wrong = re.match(r"argument (?:COMMAND|command): invalid choice: '([^']*)'", message)
         if wrong:
-            message = f"expected a command (render, demo, devices or report), got '{wrong[1]}'"
+            message = f"expected a command (render, layers, demo, devices or report), got '{wrong[1]}'"
             if "." in wrong[1]:
                 message += f"; to make a picture of a file: clpeel render {wrong[1]}"
         message = re.sub(r"^argument (--[\w-]+)(?:/-\w)?", r"\1", message)
@@ -211,17 +216,34 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+def _add_output(group: argparse._ArgumentGroup, output: str, metavar: str, text: str) -> None:
+    group.add_argument("--output", "-o", default=output, metavar=metavar, help=f"{text} (default: {output})")
+
+
 def _add_picture_options(parser: argparse.ArgumentParser, output: str, resolution: str, samples: int) -> None:
     """The options that `render` and `demo` share."""
     group = parser.add_argument_group("picture")
-    add = group.add_argument
-    add(
-        "--output",
-        "-o",
-        default=output,
-        metavar="OUT.png",
-        help=f"PNG file to write, or - for standard output (default: {output})",
+    _add_output(group, output, "OUT.png", "PNG file to write, or - for standard output")
+    _add_view_options(parser, group, resolution, samples)
+
+
+def _add_layers_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `layers`: those of `render`, and how a layer is shown."""
+    group = parser.add_argument_group("pictures")
+    _add_output(group, "layers", "DIR", "folder for layer-01.png, layer-02.png, ... and layers.npz")
+    group.add_argument(
+        "--keep-alpha",
+        action="store_true",
+        help="show each layer with its own alpha (default: opaque, as papers do: alone, a thin layer is hard to see)",
     )
+    _add_view_options(parser, group, "1024,1024", samples=1)
+
+
+def _add_view_options(
+    parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int
+) -> None:
+    """What all commands that render share; `group` gets those of the picture."""
+    add = group.add_argument
     add(
         "--resolution",
         type=_resolution,
@@ -338,6 +360,15 @@ def make_parser() -> Parser:
     )
     render.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are drawn together")
     _add_picture_options(render, output="clpeel.png", resolution="1024,1024", samples=1)
+
+    layers = commands.add_parser(
+        "layers",
+        help="peel mesh files: a PNG for each layer, front to back, and one .npz with all",
+        usage="clpeel layers FILE... [-o DIR] [options]",
+        description=LAYERS,
+    )
+    layers.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are peeled together")
+    _add_layers_options(layers)
 
     demo = commands.add_parser(
         "demo",

@@ -54,9 +54,9 @@ class Tiles:
     counts: cl.Buffer  # uint32 [chunks, tiles and more]: where each chunk's records begin in the tile's list
     tile_pairs: NDArray[np.int64]  # [tiles]
 
-    def batches(self, budget: int) -> Iterator[Batch]:
-        """All tiles, in runs whose lists fit `budget` bytes (one tile at least)."""
-        ends = np.cumsum(self.tile_pairs * PAIR_BYTES + TILE_BYTES)
+    def batches(self, budget: int, tile_bytes: int = TILE_BYTES) -> Iterator[Batch]:
+        """All tiles, in runs whose lists, and `tile_bytes` for each tile, fit `budget` bytes (one tile at least)."""
+        ends = np.cumsum(self.tile_pairs * PAIR_BYTES + tile_bytes)
         tile, before = 0, 0
         while tile < len(ends):
             last = max(int(np.searchsorted(ends, before + budget, side="right")) - 1, tile)

@@ -18,6 +18,7 @@ from clpeel.terminal import Progress, format_stats
 
 if TYPE_CHECKING:
     from clpeel.camera import Camera
+    from clpeel.layers import Layers
     from clpeel.scene import Scene
 
 EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 1, 130, 141
@@ -105,7 +106,7 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
     return camera
 
 
-# --- render and demo --------------------------------------------------------------------------------------------------
+# --- render, layers and demo ------------------------------------------------------------------------------------------
 
 
 def check_writable(path: str, option: str) -> str:
@@ -174,13 +175,67 @@ def _write(path: str, data: bytes) -> None:
     write_whole(path, data)
 
 
-def _run_render(options: argparse.Namespace) -> int:
+def _check_folder(path: str) -> str:
+    """The folder to write into, links resolved; refuses, before any work, one that could not be. Raises InputError."""
+    target = os.path.realpath(path)
+    parent = os.path.dirname(target)
+    problem = ""
+    if path in ("", "-"):
+        problem = f"expected a folder, got '{path}'"
+    elif os.path.exists(target) and not os.path.isdir(target):
+        problem = f"expected a folder, got the file '{path}'"
+    elif os.path.isdir(target):
+        if not os.access(target, os.W_OK | os.X_OK):
+            problem = f"the folder '{path}' is not writable"
+    elif not os.path.isdir(parent):
+        problem = f"the folder '{parent}' does not exist; create it first"
+    elif not os.access(parent, os.W_OK | os.X_OK):
+        problem = f"the folder '{parent}' is not writable"
+    else:
+        try:
+            os.lstat(target)
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            problem = f"cannot write '{path}': {error.strerror}"
+    if problem:
+        raise InputError(f"--output: {problem}")
+    return target
+
+
+def _write_layers(folder: str, layers: Layers, options: argparse.Namespace, progress: Progress) -> str:
+    """A picture for each layer and a file of all: all of them or none. Returns what was written."""
+    from clpeel.image import save_png, whole_folder
+
+    background = None if options.no_background else options.background_color
+    digits = max(2, len(str(layers.count)))
+    with whole_folder(folder, r"layer-\d+\.png") as whole:
+        for k in range(layers.count):
+            progress(k / layers.count, f"writing layer {k + 1} of {layers.count}")
+            save_png(whole / f"layer-{k + 1:0{digits}}.png", layers.picture(k, background, options.keep_alpha))
+        progress(1.0, "writing layers.npz")
+        layers.save(whole / "layers.npz")
+    pictures = f"{layers.count} layer{'' if layers.count == 1 else 's'}" if layers.count else "no layer is in view"
+    return f"{os.path.join(options.output, 'layers.npz')}, {pictures}"
+
+
+def _load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
+    """What reads the files named, and what to call them."""
+
     def load() -> Scene:
         import clpeel
 
         return clpeel.load(*options.files, opacity=options.opacity, color=options.color)
 
-    return _render(options, load, ", ".join(os.path.basename(name) for name in options.files))
+    return load, ", ".join(os.path.basename(name) for name in options.files)
+
+
+def _run_render(options: argparse.Namespace) -> int:
+    return _render(options, *_load_files(options))
+
+
+def _run_layers(options: argparse.Namespace) -> int:
+    return _render(options, *_load_files(options), layers=True)
 
 
 def _run_demo(options: argparse.Namespace) -> int:
@@ -202,21 +257,25 @@ def _run_demo(options: argparse.Namespace) -> int:
     return _render(options, load, "the demo")
 
 
-def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -> int:
-    """Load, render, write. Nothing slow is begun before what was asked is known to be possible."""
+def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, layers: bool = False) -> int:
+    """Load, render, write. Nothing slow is begun before what was asked is known to be possible.
+
+    layers: writes the layers into a folder, not the picture into a file.
+    """
     if not options.verbose:
         _quiet_libraries()
-    output = _check_picture(options.output)
+    output = _check_folder(options.output) if layers else _check_picture(options.output)
     stats_output = None if options.stats in (None, "-") else check_writable(options.stats, "--stats")
 
     import clpeel
     from clpeel.device import choose
     from clpeel.image import encode_map, encode_png
-    from clpeel.renderer import parse_memory
+    from clpeel.renderer import check_layers, parse_memory
     from clpeel.techniques import technique
 
     chosen = technique(options.technique)
     map_output = None if options.map is None else _check_map(options.map, chosen.maps)
+    check_layers(options.technique, layers, options.samples)
     if options.memory is not None:
         parse_memory(options.memory)
     choose(options.device)
@@ -232,6 +291,10 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
     if not options.quiet:
         for note in scene.notes:
             _say(f"note: {note}")
+        if layers and scene.surfaces == "opaque" and options.opaque in (None, "first"):
+            _say(
+                "note: all is opaque, so there is one layer; --opacity 0.5 or --opaque blend peels what lies behind it"
+            )
     camera = make_camera(options, scene)
     if options.verbose:
         _say(f"{name}: {len(scene.faces):,} triangles, read in {loaded - started:.2f} s")
@@ -254,6 +317,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         "scale_bar": False if options.no_scale_bar else None,
         "sigma": options.sigma,
         "light_color": options.light_color,
+        "layers": layers or None,
     }
     try:
         progress(0.0, "rendering")
@@ -274,7 +338,11 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         )
         rendered = time.perf_counter()
         progress(1.0, "writing")
-        _write(output, encode_png(result.image))
+        wrote = options.output
+        if layers:
+            wrote = _write_layers(output, result.layers, options, progress)
+        else:
+            _write(output, encode_png(result.image))
         if map_output is not None:
             _write(map_output, encode_map(result.map(chosen.maps[0])))
     finally:
@@ -292,7 +360,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str) -
         print(format_stats(stats), file=sys.stderr if options.output == "-" else sys.stdout)
     if not options.quiet and options.output != "-":
         width, height = options.resolution
-        _say(f"wrote {options.output} ({width} x {height}, {len(scene.faces):,} triangles, {written - started:.2f} s)")
+        _say(f"wrote {wrote} ({width} x {height}, {len(scene.faces):,} triangles, {written - started:.2f} s)")
     return 0
 
 
@@ -343,6 +411,7 @@ def _run_report(options: argparse.Namespace) -> int:
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "render": _run_render,
+    "layers": _run_layers,
     "demo": _run_demo,
     "devices": _run_devices,
     "report": _run_report,

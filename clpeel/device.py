@@ -68,6 +68,12 @@ class Gpu:
             self.buffers[name] = held = cl.Buffer(self.context, cl.mem_flags.READ_WRITE, max(nbytes, 16))
         return held
 
+    def release(self, *names: str) -> None:
+        """Gives the memory of these buffers back, if they are there; nothing may be using them any more."""
+        for name in names:
+            if name in self.buffers:
+                self.buffers.pop(name).release()
+
     def put(self, name: str, array: np.ndarray[Any, Any]) -> cl.Buffer:
         """The buffer of that name, filled from the array before anything that is enqueued later; does not wait."""
         held = self.buffer(name, array.nbytes)

@@ -53,6 +53,9 @@ equal length would fall on the same places of a cache."""
 COLOR_BYTES = 16
 """A colour of four floats: a fragment's own where it varies over a face."""
 
+SOURCE_BYTES = 4
+"""The face of a fragment that has a colour of its own, where it is asked for."""
+
 OPAQUE_BYTES = FRAGMENT_BYTES + COLOR_BYTES
 """Of a sample where opaque surfaces come first: z-far, and the colour there (opaque.h)."""
 
@@ -67,6 +70,12 @@ CLIPPED_FACE = 0xFFFF
 
 RUN_MAX = 256
 """Fragments of a pixel that are held in private memory at once: deeper ones are sorted in global memory (sorting.h)."""
+
+INSERTED_MAX = 64
+"""Fragments of a pixel that are put into order one by one where they lie (layers.cl); more are sorted by digits."""
+
+ALL_LAYERS = (1 << 32) - 1
+"""More layers than a pixel can have."""
 
 AMBIENT = 0.2
 """Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from clpeel.binning import Batch
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, TILE, TILE_PIXELS, Features
+from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, SOURCE_BYTES, TILE, TILE_PIXELS, Features
 from clpeel.program import launch, program
 from clpeel.projection import Triangles
 
@@ -41,6 +41,7 @@ class Fragments:
     A pixel's begin at tile_start[tile] - start + pixel_end[pixel before] and end at tile_start[tile] - start +
     pixel_end[pixel], `tile` being its place in the batch; all modulo 2**32.
     colors: float32 [count, 4] straight RGBA where colours vary over faces, else the scene's palette.
+    sources: uint32 [count] faces where colours vary over them, if they were asked for, else None.
     """
 
     features: Features
@@ -52,6 +53,7 @@ class Fragments:
     layers_max: int
     fragments: cl.Buffer
     colors: cl.Buffer
+    sources: cl.Buffer | None
     pixel_end: cl.Buffer  # uint32 [batch tiles, TILE_PIXELS]
     tile_start: cl.Buffer  # uint32 [batch tiles]
     start: int  # the window's first fragment, in the batch
@@ -100,10 +102,13 @@ def too_deep(layers: int, capacity: int) -> InputError:
     )
 
 
-def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> Iterator[Fragments]:
+def rasterize(
+    gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int, with_sources: bool = False
+) -> Iterator[Fragments]:
     """The batch's fragments in the device's memory, at most `capacity` at a time: for techniques of several passes.
 
-    Raises InputError when a single pixel has more than that.
+    with_sources: whether fragments with colours of their own tell their faces too. Raises InputError when a single
+    pixel has more than that.
     """
     features = triangles.features
     counts = count_fragments(gpu, triangles, batch)
@@ -116,6 +121,8 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
     for window in _windows(counts, pixels_of, capacity):
         fragments = gpu.buffer("fragments", FRAGMENT_BYTES * window.count)
         colors = gpu.buffer("colors", COLOR_BYTES * window.count) if features.fragment_color else None
+        with_faces = with_sources and features.fragment_color
+        sources = gpu.buffer("sources", SOURCE_BYTES * window.count) if with_faces else None
         launch(
             gpu,
             STAGE,
@@ -131,6 +138,7 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
             capacity=window.count,
             fragments=fragments,
             colors=colors,
+            sources=sources,
         )
         yield Fragments(
             features=features,
@@ -142,6 +150,7 @@ def rasterize(gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int) -> It
             layers_max=window.layers_max,
             fragments=fragments,
             colors=triangles.scene.palette if colors is None else colors,
+            sources=sources,
             pixel_end=pixel_end,
             tile_start=tile_start,
             start=window.start % 2**32,

@@ -20,14 +20,16 @@ from clpeel.device import Gpu, open_device
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.image import save_png
+from clpeel.layers import STAGE as LAYERS_STAGE
+from clpeel.layers import Layers, find_layers
 from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE, OPAQUE_BYTES
 from clpeel.normals import with_normals
 from clpeel.opaque import draw_opaque
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
 from clpeel.scene import Scene
+from clpeel.techniques import LAYERS, with_map
 from clpeel.techniques import technique as technique_named
-from clpeel.techniques import with_map
 
 LIGHTINGS = ("none", "headlight")
 OPAQUE = ("first", "blend")
@@ -67,6 +69,14 @@ class Result:
     stats: dict[str, Any]
     _color: NDArray[np.float32] | None
     maps: dict[str, NDArray[Any]] = field(default_factory=dict)
+    _layers: Layers | None = None
+
+    @property
+    def layers(self) -> Layers:
+        """The layers that the technique peels of every pixel, front to back."""
+        if self._layers is None:
+            raise InputError("layers: expected a result rendered with layers=True, got layers=False")
+        return self._layers
 
     @property
     def color(self) -> NDArray[np.float32]:
@@ -139,6 +149,7 @@ class Renderer:
         samples: int = 1,
         memory: int | str | None = None,
         keep_color: bool = True,
+        layers: bool = False,
         opaque: str = "first",
         progress: Progress | None = None,
         **options: Any,
@@ -149,17 +160,17 @@ class Renderer:
         `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, or None for straight alpha. lighting: "none"
         (colours as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged, for smooth edges. memory:
         bytes, or text such as "512M", that the scene and all buffers but the picture may take on the device; by default
-        the scene and a quarter of what it leaves. keep_color: whether the result has `color`. opaque: "first" fills
-        colour and depth with the surfaces whose alpha is 1 and draws the others in front of them alone; "blend" takes
-        them as any other. progress: called with the share done (0..1) and a text. options: those that the technique has
-        besides (its `options`). Raises InputError on any of these that cannot be.
+        the scene and a quarter of what it leaves. keep_color: whether the result has `color`. layers: whether it has
+        `layers`, those that the technique peels; of one sample a pixel, and not of techniques that do not sort. opaque:
+        "first" fills colour and depth with the surfaces whose alpha is 1 and draws the others in front of them alone;
+        "blend" takes them as any other. progress: called with the share done (0..1) and a text. options: those that the
+        technique has besides (its `options`). Raises InputError on any of these that cannot be.
         """
         started = time.perf_counter()
         gpu = self.gpu
         chosen = technique_named(technique)
-        for name in sorted(options.keys() - set(chosen.options)):
-            known = ", ".join((*COMMON_OPTIONS, *chosen.options))
-            raise InputError(f"{name}: the technique {technique!r} has no such option; it has {known}")
+        check_options(technique, options)
+        check_layers(technique, layers, samples)
         size = checked_size(size)
         over = checked_background(background)
         side = checked_samples(samples, size)
@@ -244,7 +255,18 @@ class Renderer:
             "notes": list(self.scene.notes),
             **done.stats,
         }
-        return Result(done.image, stats, done.color, done.maps)
+        found_layers = None
+        if layers and chosen.peeled is not None:
+            begun = time.perf_counter()
+            keep = options.get("coincident", "keep") == "keep"
+            peeled = chosen.peeled(**options)
+            found_layers = find_layers(
+                gpu, on_device, camera, size, lighting != "none", budget, peeled, keep, opaque == "first", report
+            )
+            seconds[LAYERS_STAGE] = time.perf_counter() - begun
+            seconds["total"] = seconds.pop("total") + seconds[LAYERS_STAGE]
+            report(1.0, "done")
+        return Result(done.image, stats, done.color, done.maps, found_layers)
 
 
 def render(
@@ -261,6 +283,24 @@ def render(
 ) -> Result:
     """Renders one picture; the options are those of `Renderer` and `Renderer.render`."""
     return Renderer(scene, device, lanes).render(camera, size, technique, background, lighting, **options)
+
+
+def check_options(technique: str, options: Iterable[str]) -> None:
+    """InputError where the technique lacks one of these options."""
+    chosen = technique_named(technique)
+    for name in sorted(set(options) - set(chosen.options)):
+        known = ", ".join((*COMMON_OPTIONS, *chosen.options))
+        raise InputError(f"{name}: the technique {technique!r} has no such option; it has {known}")
+
+
+def check_layers(technique: str, layers: bool, samples: int) -> None:
+    """InputError where layers are asked for that cannot be given."""
+    if not isinstance(layers, bool | np.bool_):
+        raise InputError(f"layers: expected True or False, got {layers!r}; layers in each pass are layers_per_pass")
+    if layers:
+        check_options(technique, [LAYERS])
+        if samples != 1:
+            raise InputError(f"layers: expected samples=1, got {samples!r}")
 
 
 def sums(parts: Iterable[tuple[int, ...]]) -> list[int]:

@@ -99,7 +99,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                     }
             }
             emit_tile(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, blocks, z_far, &layout, next,
-                      faces, palette, weights, normals, view, fragments, colors);
+                      faces, palette, weights, normals, view, fragments, colors, 0);
 
             uint sum = 0, most = 0;
             for (uint own = 0; own < STRIPS_A_LANE; ++own) {

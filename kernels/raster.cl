@@ -42,7 +42,7 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
                            global const uint *pixel_end, global const uint *tile_start, uint window_start, uint capacity,
                            global const uint *faces, global const void *palette, global const float *weights,
                            global const float *normals, float view_x, float view_y, float view_z,
-                           global ulong *fragments, global float4 *colors)
+                           global ulong *fragments, global float4 *colors, global uint *sources)
 {
     uint tile = window_tile + get_group_id(0);
     const Layout lists = {1, capacity, 0};
@@ -53,5 +53,5 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
             ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) + tile_start[tile] - window_start;
         }
     emit_tile(triangles, pair_start, pairs, tile, pair_start[tile], first_tile, columns, width, height, 0xFFFF, 0, &lists, next, faces, palette,
-              weights, normals, (float3)(view_x, view_y, view_z), fragments, colors);
+              weights, normals, (float3)(view_x, view_y, view_z), fragments, colors, sources);
 }

@@ -284,12 +284,13 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, i
 typedef struct { uint step, room, strip_room; } Layout;
 
 // Emits the fragments of a tile's records from `begin` on that lie in these blocks and, where surfaces are MIXED, in front of
-// z_far (opaque.h); at the end `next` is beyond the last, whether there was room or not.
+// z_far (opaque.h); at the end `next` is beyond the last, whether there was room or not. sources: where the payload is a place,
+// the faces, if they are wanted; else NULL.
 INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                       uint tile, uint begin, uint first_tile, int columns, int width, int height, uint blocks,
                       const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next, global const uint *faces, global const void *palette,
                       global const float *weights, global const float *normals, float3 view, global ulong *fragments,
-                      global float4 *colors)
+                      global float4 *colors, global uint *sources)
 {
     ENTER_TILE
     list_begin = begin;
@@ -310,6 +311,7 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
         float at_sample[3] = {((const float *)weight)[k], ((const float *)(weight + 1))[k], ((const float *)(weight + 2))[k]};
         colors[to] = shade(at_sample, pairs[place], t->source, faces, palette, weights, normals, view);
         fragments[to] = ((const ulong *)&value)[k] | PAYLOAD(to, t);
+        if (sources) sources[to] = t->source;
     }
 #else
     VECTOR(uint) to = *places;

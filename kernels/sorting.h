@@ -45,7 +45,8 @@ INLINE void merge_rows(VECTOR(ulong) *all, uint count)
 
 // Sorts one pixel's fragments by their depth keys' digits, the least first, between `list` and `spare`: as many steps for each
 // fragment, however many there are. Digits of what keys are more than the least: often one fewer than keys have.
-static void sort_digits(global ulong *list, global ulong *spare, uint count)
+// Returns which of the two holds them sorted; fragments of equal depth stay as they were.
+static global ulong *sort_digits(global ulong *list, global ulong *spare, uint count)
 {
     ulong8 low = list[0], high = low;
     PLAIN_LOOP for (uint k = 0; k + 8 <= count; k += 8) {
@@ -83,8 +84,7 @@ static void sort_digits(global ulong *list, global ulong *spare, uint count)
         global ulong *swap = from;
         from = to, to = swap;
     }
-    if (from != list)
-        PLAIN_LOOP for (uint k = 0; k < count; k += 8) *(global Octet *)(list + k) = *(global const Octet *)(from + k);
+    return from;
 }
 
 // Sorts those of a strip's pixels that have more than RUN_MAX fragments where they lie; returns the most that any has.
@@ -94,7 +94,11 @@ INLINE uint sort_deep(global ulong *fragments, global ulong *scratch, VECTOR(uin
     for (int k = 0; k < STRIP; ++k) {
         uint size = ((const uint *)&count)[k], from = ((const uint *)&begin)[k];
         deepest = MAX(deepest, size);
-        if (size > RUN_MAX) sort_digits(fragments + from, scratch + from, size);
+        if (size <= RUN_MAX) continue;
+        global ulong *list = fragments + from;
+        global const ulong *sorted = sort_digits(list, scratch + from, size);
+        if (sorted != list)
+            PLAIN_LOOP for (uint i = 0; i < size; i += 8) *(global Octet *)(list + i) = *(global const Octet *)(sorted + i);
     }
     return deepest;
 }

@@ -92,7 +92,9 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 # --- start-up ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["render", "--help"], [], ["render", "a.ply", "--resolution=0,0"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["render", "--help"], ["layers", "--help"], [], ["render", "a.ply", "--resolution=0,0"]]
+)
 def test_answers_without_heavy_imports(arguments: list[str]) -> None:
     code = (
         "import sys, clpeel.cli; code = clpeel.cli.main(sys.argv[1:]); "

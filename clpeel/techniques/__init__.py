@@ -21,7 +21,10 @@ from clpeel.techniques import (
     weighted_sum,
 )
 
-PEELING = ("passes", "occlusion_query", "coincident")
+LAYERS = "layers"
+"""Option of all that know a pixel's layers, front to back: gives these besides the picture (layers.py)."""
+
+PEELING = ("passes", "occlusion_query", "coincident", LAYERS)
 """Options of all that peel until nothing is left (peel.py)."""
 
 
@@ -31,7 +34,8 @@ class Technique:
 
     draw: (gpu, triangles, batch, target, capacity, report, **options) draws a batch of tiles with room for `capacity`
     fragments; buffer_bytes: (layers, options) tells what it keeps of a sample with so many layers; fragment_bytes: what
-    it needs for each fragment besides the fragment.
+    it needs for each fragment besides the fragment. peeled: (**options) to how many transparent layers of a pixel, from
+    the front and from the back, it peels; None where it does not sort.
     """
 
     summary: str
@@ -44,14 +48,27 @@ class Technique:
     maps: tuple[str, ...] = ()  # of `Result`, that it makes besides the picture; the first is what `--map` writes
     finish: Callable[..., Finished] | None = None
     """Of techniques with maps: (picture, triangles, background, **options) makes them of picture.values."""
+    peeled: Callable[..., tuple[int, int]] | None = None
 
 
 TECHNIQUES: dict[str, Technique] = {
     "sort": Technique(
-        sort.SUMMARY, sort.draw, sort.buffer_bytes, fragment_bytes=sort.SCRATCH_BYTES, passes=1, exact=True
+        sort.SUMMARY,
+        sort.draw,
+        sort.buffer_bytes,
+        fragment_bytes=sort.SCRATCH_BYTES,
+        passes=1,
+        exact=True,
+        options=(LAYERS,),
+        peeled=sort.peeled,
     ),
     "depth-peeling": Technique(
-        depth_peeling.SUMMARY, depth_peeling.draw, depth_peeling.buffer_bytes, exact=True, options=PEELING
+        depth_peeling.SUMMARY,
+        depth_peeling.draw,
+        depth_peeling.buffer_bytes,
+        exact=True,
+        options=PEELING,
+        peeled=depth_peeling.peeled,
     ),
     "dual-depth-peeling": Technique(
         dual_depth_peeling.SUMMARY,
@@ -60,6 +77,7 @@ TECHNIQUES: dict[str, Technique] = {
         passes=dual_depth_peeling.FIRST_PASSES,
         exact=True,
         options=PEELING,
+        peeled=dual_depth_peeling.peeled,
     ),
     "multi-layer-peeling": Technique(
         multi_layer_peeling.SUMMARY,
@@ -67,9 +85,14 @@ TECHNIQUES: dict[str, Technique] = {
         multi_layer_peeling.buffer_bytes,
         exact=True,
         options=(*PEELING, "layers_per_pass", "hazard_window", "hazard_order", "torn_writes"),
+        peeled=multi_layer_peeling.peeled,
     ),
     "glowscript": Technique(
-        glowscript.SUMMARY, glowscript.draw, glowscript.buffer_bytes, options=("passes", "coincident")
+        glowscript.SUMMARY,
+        glowscript.draw,
+        glowscript.buffer_bytes,
+        options=("passes", "coincident", LAYERS),
+        peeled=glowscript.peeled,
     ),
     "thickness": Technique(
         thickness.SUMMARY,

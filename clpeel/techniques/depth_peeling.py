@@ -8,6 +8,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from clpeel.layout import ALL_LAYERS
 from clpeel.peel import peel
 from clpeel.techniques import multi_layer_peeling
 
@@ -20,3 +21,8 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
 
 
 draw = partial(peel, "techniques/depth-peeling.cl", 0)
+
+
+def peeled(passes: int | None = None, **_: Any) -> tuple[int, int]:
+    """One layer a pass, from the front."""
+    return ALL_LAYERS if passes is None else int(passes), 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES
+from clpeel.layout import ALL_LAYERS, COLOR_BYTES, FRAGMENT_BYTES
 from clpeel.peel import peel
 
 SUMMARY = "exact: peels the nearest and the farthest layer in each geometry pass; N layers take N / 2 + 1 passes"
@@ -22,3 +22,8 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
 
 
 draw = partial(peel, "techniques/dual-depth-peeling.cl", FIRST_PASSES)
+
+
+def peeled(passes: int | None = None, **_: Any) -> tuple[int, int]:
+    """One layer a peel from the front, and one from the back."""
+    return (ALL_LAYERS, 0) if passes is None else (int(passes), int(passes))

@@ -27,3 +27,8 @@ def draw(*arguments: Any, passes: int = MOST_PEELS, **options: Any) -> Drawn:
     """Draws a batch of tiles with `passes` peels (1..MOST_PEELS, else InputError)."""
     peels = checked_count("passes", passes, MOST_PEELS)
     return peel("techniques/glowscript.cl", 0, *arguments, passes=peels, occlusion_query=False, **options)
+
+
+def peeled(passes: int = MOST_PEELS, **_: Any) -> tuple[int, int]:
+    """One layer a peel, from the front."""
+    return int(passes), 0

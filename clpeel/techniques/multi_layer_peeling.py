@@ -10,7 +10,7 @@ from typing import Any
 
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
-from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES
+from clpeel.layout import ALL_LAYERS, COLOR_BYTES, FRAGMENT_BYTES
 from clpeel.peel import checked_count, peel
 
 SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
@@ -72,3 +72,12 @@ def draw(
     defines["HAZARD_ARRIVAL"] = int(hazard_order == "arrival")
     defines["TORN_WRITES"] = int(torn_writes)
     return peel("techniques/multi-layer-hazards.cl", 0, *arguments, defines=defines, layers_a_pass=layers, **options)
+
+
+def peeled(
+    passes: int | None = None, layers_per_pass: int = layers_per_pass(), torn_writes: bool = False, **_: Any
+) -> tuple[int, int]:
+    """So many layers a pass, from the front. Raises InputError with torn_writes, which may lose some."""
+    if torn_writes:
+        raise InputError("layers: expected no torn_writes, with which layers may be lost; got both")
+    return ALL_LAYERS if passes is None else int(passes) * int(layers_per_pass), 0

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from clpeel.draw import draw_once
-from clpeel.layout import FRAGMENT_BYTES
+from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
 
 SUMMARY = "exact: sorts each pixel's fragments by depth, then blends them front to back"
 SCRATCH_BYTES = FRAGMENT_BYTES
@@ -22,3 +22,8 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
 
 
 draw = partial(draw_once, "techniques/sort.cl", SCRATCH_BYTES)
+
+
+def peeled() -> tuple[int, int]:
+    """All layers, from the front."""
+    return ALL_LAYERS, 0
