@@ -9,6 +9,10 @@
 
 #include "shading.h"
 
+#ifndef BY_DEPTH
+#define BY_DEPTH 0
+#endif
+
 // key: that of the depth, less 2^31, as vectors compare signed numbers in one step. payload: as in raster.h, below 2^31.
 typedef struct { VECTOR(int) key, payload; } Fragments;
 

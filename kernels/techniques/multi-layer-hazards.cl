@@ -15,6 +15,12 @@
 // they were: `kept` are those of pass 1, 2, 4, 8, ... (Brent 1980).
 #include "peeling.h"
 
+#ifndef HAZARD_WINDOW
+#define LAYERS_A_PASS 8
+#define HAZARD_WINDOW 2
+#define HAZARD_ARRIVAL 0
+#define TORN_WRITES 0
+#endif
 #define PEELED LAYERS_A_PASS
 #define REPEATS 1
 #define SAME_DEPTH (BY_DEPTH ? 0xFFFFFFFFul : 0ul)  // as what fragments of one depth differ in
