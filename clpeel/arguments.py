@@ -192,7 +192,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         wrong = re.match(r"argument (?:COMMAND|command): invalid choice: '([^']*)'", message)
         if wrong:
-            message = f"expected a command (render, layers, demo, devices or report), got '{wrong[1]}'"
+            message = f"expected a command (render, layers, demo, techniques, devices or report), got '{wrong[1]}'"
             if "." in wrong[1]:
                 message += f"; to make a picture of a file: clpeel render {wrong[1]}"
         message = re.sub(r"^argument (--[\w-]+)(?:/-\w)?", r"\1", message)
@@ -284,7 +284,7 @@ def _add_view_options(
 
     group = parser.add_argument_group("method")
     add = group.add_argument
-    add("--technique", default="sort", metavar="NAME", help="default: sort, exact; 'help' lists them")
+    add("--technique", default="sort", metavar="NAME", help="default: sort, exact; 'clpeel techniques' lists them")
     add("--passes", type=_count, metavar="N", help="peel so many times and stop, where the technique peels")
     add("--no-occlusion-query", action="store_true", help="make all --passes, whether they find anything or not")
     add("--coincident", metavar="keep|paper", help="of equal depths keep all fragments, or the first alone")
@@ -379,6 +379,7 @@ def make_parser() -> Parser:
     _add_picture_options(demo, output="demo.png", resolution="1200,900", samples=16)
 
     for name, text in (
+        ("techniques", "list the techniques and their options"),
         ("devices", "list the OpenCL devices"),
         ("report", "print versions and devices, for a bug report"),
     ):

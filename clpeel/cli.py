@@ -400,6 +400,13 @@ def _run_devices(options: argparse.Namespace) -> int:
     return 0
 
 
+def _run_techniques(options: argparse.Namespace) -> int:
+    from clpeel.report import technique_table
+
+    print("\n".join(technique_table()))
+    return 0
+
+
 def _run_report(options: argparse.Namespace) -> int:
     if not options.verbose:
         _quiet_libraries()
@@ -413,6 +420,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "render": _run_render,
     "layers": _run_layers,
     "demo": _run_demo,
+    "techniques": _run_techniques,
     "devices": _run_devices,
     "report": _run_report,
 }

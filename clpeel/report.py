@@ -51,6 +51,19 @@ def _devices() -> list[DeviceInfo]:
     return devices
 
 
+def technique_table() -> list[str]:
+    """What each technique does, a line each, and below it the options of `render` that it has besides the common."""
+    from clpeel.techniques import TECHNIQUES
+
+    width = max(map(len, TECHNIQUES))
+    lines = []
+    for name, technique in TECHNIQUES.items():
+        lines.append(f"{name:<{width}}  {technique.summary}")
+        if technique.options:
+            lines.append(f"{'':<{width}}  options: {', '.join(technique.options)}")
+    return lines
+
+
 def device_table() -> list[str]:
     """The numbered devices, a line each under a heading; raises NoDeviceError."""
     rows: list[tuple[object, ...]] = [("number", "kind", "units", "memory", "OpenCL", "platform", "name")]

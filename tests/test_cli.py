@@ -540,6 +540,16 @@ def test_progress_is_silent_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
 # --- for real ---------------------------------------------------------------------------------------------------------
 
 
+def test_techniques_are_listed(capfd: Any) -> None:
+    from clpeel.techniques import TECHNIQUES
+
+    assert cli.main(["techniques"]) == 0
+    lines = capfd.readouterr().out.splitlines()
+    for name, technique in TECHNIQUES.items():
+        assert sum(line.split(" ")[0] == name and technique.summary in line for line in lines) == 1
+    assert sum("options: " in line and "hazard_window" in line for line in lines) == 1
+
+
 def test_devices_are_numbered(capfd: Any) -> None:
     assert cli.main(["devices"]) == 0
     heading, *rows = capfd.readouterr().out.splitlines()

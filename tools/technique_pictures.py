@@ -1,0 +1,37 @@
+"""Every technique on one scene, the demo's, as docs/techniques.md shows them: python tools/technique_pictures.py.
+
+One picture for each of the registry, docs/techniques/NAME.png, and those of STOPPED, which peel less than there is.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import clpeel
+from clpeel.demo import DIRECTION, ZOOM, demo_scene
+from clpeel.techniques import TECHNIQUES
+
+FOLDER = Path(__file__).resolve().parent.parent / "docs" / "techniques"
+SIZE = (400, 300)
+SAMPLES = 16
+STOPPED: dict[str, tuple[str, dict[str, Any]]] = {
+    "depth-peeling-2": ("depth-peeling", {"passes": 2}),
+    "dual-depth-peeling-1": ("dual-depth-peeling", {"passes": 1}),
+}
+
+
+def main() -> None:
+    """Makes them all."""
+    renderer = clpeel.Renderer(demo_scene())
+    camera = clpeel.Camera.frame(renderer.scene, DIRECTION, aspect=SIZE[0] / SIZE[1]).zoom(ZOOM)
+    wanted: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in TECHNIQUES} | STOPPED
+    for done, (name, (technique, options)) in enumerate(wanted.items(), 1):
+        result = renderer.render(camera, SIZE, technique, lighting="headlight", samples=SAMPLES, **options)
+        result.save(FOLDER / f"{name}.png")
+        print(f"{done}/{len(wanted)} {name}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
