@@ -94,6 +94,20 @@ INLINE uint bits_of16(int16 truth)
 }
 #define BITS_OF(truth) PASTE(bits_of, STRIP)(truth)
 
+// a where the mask's elements are -1, b where they are 0. A compiler that has no masks of single bits may make much of a
+// choice, as it does not know that these are all there is.
+#if defined(__AVX512F__)
+#define SELECT(mask, a, b) ((mask) ? (a) : (b))
+#elif STRIP == 16 && defined(__AVX__) && __has_builtin(__builtin_ia32_blendvps256)
+#define BLEND(mask, a, b) as_int8(__builtin_ia32_blendvps256(as_float8(b), as_float8(a), as_float8(mask)))
+INLINE int16 SELECT(int16 mask, int16 a, int16 b)
+{
+    return (int16)(BLEND(mask.lo, a.lo, b.lo), BLEND(mask.hi, a.hi, b.hi));
+}
+#else
+#define SELECT(mask, a, b) (((a) & (mask)) | ((b) & ~(mask)))
+#endif
+
 INLINE uint largest(VECTOR(uint) values)
 {
     uint found = 0;
@@ -186,10 +200,10 @@ INLINE void add_long(volatile global uint *total, ulong value)
 // --- depth ----------------------------------------------------------------------------------------------------------
 // Reversed depth (larger is nearer) to an unsigned key whose ascending order is front to back.
 // The usual monotone map of floats, complemented: -0.0 and negative values keep their place.
-// For vectors of any length: `uints` is the type of the keys.
+// For vectors of any length: `uints` is the type of the keys. (The sign bit, less one, is all ones for what is not negative.)
 #define DEPTH_KEY(uints, depth)                                                                                 \
-    ((PASTE(as_, uints)(depth) & (uints)(0x80000000u)) != (uints)(0u) ? PASTE(as_, uints)(depth)                      \
-                                                                   : ~(PASTE(as_, uints)(depth) | (uints)(0x80000000u)))
+    (PASTE(as_, uints)(depth) ^                                                                                 \
+     (((PASTE(as_, uints)(depth) >> (uints)(31u)) - (uints)(1u)) & (uints)(0x7FFFFFFFu)))
 // --- colour ---------------------------------------------------------------------------------------------------------
 // byte / 255, correctly rounded for every byte: 257 / 2^16 of it is exact, and what is left too small to be rounded wrongly.
 #define UNIT_OF(byte) ((byte) * 0x1.01p-8f + (byte) * 0x1.0101020p-24f)

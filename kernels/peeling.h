@@ -31,8 +31,8 @@ INLINE VECTOR(int) is_there(const Fragments *f) { return f->payload >= (VECTOR(i
 
 INLINE void replace(Fragments *f, VECTOR(int) where, const Fragments *by)
 {
-    f->key = where ? by->key : f->key;
-    f->payload = where ? by->payload : f->payload;
+    f->key = SELECT(where, by->key, f->key);
+    f->payload = SELECT(where, by->payload, f->payload);
 }
 
 // Whether `a` lies behind `b`, and is not it.

@@ -45,6 +45,7 @@ INLINE uint begin_pass(Buffers *b)
 INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
 {
     VECTOR(int) between = covered & is_behind(fragments, &b->nearest) & is_behind(&b->farthest, fragments);
+    if (BITS_OF(between) == 0) return between;
     VECTOR(int) nearer = b->next_farthest.key > fragments->key, farther = fragments->key > b->next_farthest.key;
     if (!BY_DEPTH) farther = ~nearer;  // of one depth, the last to arrive
     replace(&b->next_nearest, between & (fragments->key < b->next_nearest.key), fragments);

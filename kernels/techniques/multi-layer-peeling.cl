@@ -46,14 +46,14 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     if (LAYERS_A_PASS > 2 && BITS_OF(passed) == 0) return passed;
     // From the last slot to the first: one takes what the slot before it had where the fragment is in front of that, the
     // fragment itself where it is in front of its own alone. What has not passed is behind all.
-    VECTOR(int) key = passed ? fragments->key : (VECTOR(int))(FARTHEST_KEY);
+    VECTOR(int) key = SELECT(passed, fragments->key, (VECTOR(int))(FARTHEST_KEY));
     UNROLL for (int i = LAYERS_A_PASS - 1; i > 0; --i) {
         Fragments *slot = b->slot + i, *before = slot - 1;
-        VECTOR(int) moved = key < before->key ? before->payload : fragments->payload;
-        slot->payload = key < slot->key ? moved : slot->payload;
+        VECTOR(int) moved = SELECT(key < before->key, before->payload, fragments->payload);
+        slot->payload = SELECT(key < slot->key, moved, slot->payload);
         slot->key = MIN(slot->key, MAX(before->key, key));
     }
-    b->slot[0].payload = key < b->slot[0].key ? fragments->payload : b->slot[0].payload;
+    b->slot[0].payload = SELECT(key < b->slot[0].key, fragments->payload, b->slot[0].payload);
     b->slot[0].key = MIN(b->slot[0].key, key);
     return passed;
 }
