@@ -114,6 +114,16 @@ class Layers:
         color[pixels], depth[pixels], triangle[pixels] = self.color[places], self.depth[places], self.triangle[places]
         return color.reshape(height, width, 4), depth.reshape(height, width), triangle.reshape(height, width)
 
+    def __len__(self) -> int:
+        """The same as `count`."""
+        return self.count
+
+    def __getitem__(self, k: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
+        """The same as `layer`, so that `for color, depth, triangle in layers` goes through them front to back."""
+        if not -self.count <= k < self.count:
+            raise IndexError(k)  # what ends that loop
+        return self.layer(k % self.count)
+
     def blended(self) -> NDArray[np.float32]:
         """The layers blended front to back: float32 [height, width, 4], premultiplied, before the background.
 

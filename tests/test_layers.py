@@ -147,7 +147,11 @@ def test_any_layers_blended_again_are_the_picture(
     one, many = (clpeel.render(scene, lanes=lanes, **call) for lanes in (1, 64))
     again(one, background, judge)
     same(many.layers, one.layers)
-    dense = [one.layers.layer(k) for k in range(one.layers.count)]
+    dense = list(one.layers)
+    assert len(dense) == len(one.layers) == one.layers.count
+    for k, parts in enumerate(dense):
+        for part, one_layer, last in zip(parts, one.layers.layer(k), one.layers[k - len(dense)], strict=True):
+            assert (part == one_layer).all() and (part == last).all()
     assert sum((triangle >= 0).sum() for _, _, triangle in dense) == len(one.layers.triangle)
     for k, (color, depth, triangle) in enumerate(dense):
         assert ((triangle >= 0) == (np.diff(one.layers.start).reshape(triangle.shape) > k)).all()

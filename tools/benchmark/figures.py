@@ -6,6 +6,7 @@ import math
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from benchmark.runs import SCENES, Bench, Failed, Skipped, Values, ratio, spread, target
 
@@ -154,6 +155,38 @@ def exactness(bench: Bench) -> Values:
     if CHEAP in cheap:
         worst = max(one["price"][CHEAP]["median"] for one in values.values())
         targets.append(target(f"times {CHEAP}'s time, most of the scenes", worst, "<=", 1.25, bench.full("scenes")))
+    return {"values": values, "targets": targets, "table": table, "notes": []}
+
+
+PEELED_SCENES: dict[str, list[Any]] = {
+    "grass": ["grass"],
+    "grass, other seed": ["grass", {"seed": 7}],
+    "boxes, 10 a side": ["boxes"],
+    "boxes, 11 a side": ["boxes", {"n": 11}],
+}
+"""Those sizes of Liu, Wei and Xu's Figure 4: 384 triangles in 20 layers, and about 15,000."""
+
+
+@figure("techniques", "Techniques that peel: frames, and how many times as fast as depth-peeling")
+def techniques(bench: Bench) -> Values:
+    names = ["depth-peeling", "dual-depth-peeling", "multi-layer-peeling", "glowscript", "sort"]
+    if bench.folder is None:
+        raise Skipped("the scenes are those of a folder with scenes.py (--scenes)")
+    table = [["scene", "triangles", "layers", *(f"{name}, ms" for name in names), *names[1:]]]
+    values, targets = {}, []
+    for scene, made in PEELED_SCENES.items():
+        found = bench.take_turns([bench.job(made, technique=name) for name in names], together=True)
+        timed = {name: [one["median_s"] for one in rounds] for name, rounds in zip(names, found, strict=True)}
+        times = {name: ratio(timed[names[0]], timed[name]) for name in names[1:]}
+        stats = found[-1][-1]["stats"]
+        values[scene] = {"seconds": {name: spread(rounds) for name, rounds in timed.items()}, "times": times}
+        numbers = [f"{stats['triangles']:,}", f"{stats['layers_max']}"]
+        cells = [cell(values[scene]["seconds"][name], 1e3) for name in names]
+        table.append([scene, *numbers, *cells, *(cell(times[name]) for name in names[1:])])
+        fast = times["multi-layer-peeling"]["median"]
+        targets.append(target(f"multi-layer-peeling, M = 8, {scene}", fast, ">=", 4, bench.full()))
+        dual = 1 / times["dual-depth-peeling"]["median"]
+        targets.append(target(f"dual-depth-peeling's share of the time, {scene}", dual, "<=", 0.52, bench.full()))
     return {"values": values, "targets": targets, "table": table, "notes": []}
 
 

@@ -62,12 +62,17 @@ def soup(count: int, size: int) -> clpeel.Scene:
 OWN: dict[str, Any] = {"boxes": boxes, "stack": stack, "soup": soup}
 
 
-def make(name: str, *numbers: int) -> clpeel.Scene:
-    """An own scene, or what the module `scenes` of the scenes' folder makes of that name."""
+def make(name: str, *numbers: Any) -> clpeel.Scene:
+    """An own scene, or what the module `scenes` of the scenes' folder makes of that name, with options where given."""
+    if numbers and isinstance(numbers[0], dict):
+        import scenes  # type: ignore[import-not-found]
+
+        vertices, faces, colors = getattr(scenes, name)(**numbers[0])
+        return clpeel.Scene.from_arrays(vertices, faces, face_colors=colors)
     if name in OWN:
         scene: clpeel.Scene = OWN[name](*numbers)
         return scene
-    import scenes  # type: ignore[import-not-found]
+    import scenes
 
     vertices, faces, colors = scenes.named(name)
     return clpeel.Scene.from_arrays(vertices, faces, face_colors=colors)
