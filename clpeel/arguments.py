@@ -288,6 +288,12 @@ def _add_view_options(
     add("--passes", type=_count, metavar="N", help="peel so many times and stop, where the technique peels")
     add("--no-occlusion-query", action="store_true", help="make all --passes, whether they find anything or not")
     add("--coincident", metavar="keep|paper", help="of equal depths keep all fragments, or the first alone")
+    add(
+        "--max-error",
+        type=_opacity,
+        metavar="0..1",
+        help="leave out layers that cannot change a channel by more; 0 is exact",
+    )
     add("--opaque", metavar="first|blend", help="draw opaque surfaces first (default), or blend them as any other")
     add("--hazard-window", type=_count, metavar="N", help="multi-layer-peeling: so many concurrent writes, simulated")
     add("--hazard-order", metavar="nearest-last|arrival", help="multi-layer-peeling: in which these writes land")

@@ -307,6 +307,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         "occlusion_query": False if options.no_occlusion_query else None,
         "coincident": options.coincident,
         "opaque": options.opaque,
+        "max_error": options.max_error,
         "hazard_window": options.hazard_window,
         "hazard_order": options.hazard_order,
         "torn_writes": options.torn_writes or None,
@@ -375,7 +376,7 @@ def _warn(options: argparse.Namespace, stats: dict[str, Any]) -> None:
             f"note: {stats['unpaired_pixels']:,} pixels have crossings that do not pair up: "
             "the mesh is not watertight there, or is clipped"
         )
-    if stats.get("truncated_pixels"):
+    if stats.get("truncated_pixels") and options.max_error is None:
         unit = "samples" if stats["samples"] > 1 else "pixels"
         _say(
             f"note: {stats['truncated_pixels']:,} {unit} have more layers than the passes peeled; "

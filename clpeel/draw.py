@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from clpeel.binning import Batch
 from clpeel.device import Gpu
+from clpeel.errors import InputError
 from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, FRAGMENT_PADDING, LIST_GAP, RUN_MAX, TILE_PIXELS
 from clpeel.program import Kernel, launch, program
 from clpeel.projection import Triangles
@@ -83,6 +85,26 @@ def groups_for(gpu: Gpu, batch: Batch) -> int:
     """Work-groups that take a batch's tiles: one for each compute unit where a lane has a tile to itself."""
     units = int(gpu.device.max_compute_units)
     return min(units if gpu.lanes == 1 else GROUPS_A_UNIT * units, batch.tiles)
+
+
+def bounded(gpu: Gpu, target: dict[str, Any], max_error: float | None) -> tuple[dict[str, Any], dict[str, int]]:
+    """The picture and the constants of a kernel that leaves layers out.
+
+    max_error: what they may change in any channel, 0..1, else InputError; None where all are drawn and none told of.
+    """
+    if max_error is None:
+        return target, {}
+    try:
+        error = float(max_error)
+    except (TypeError, ValueError):
+        error = math.nan
+    if not 0 <= error <= 1:
+        raise InputError(f"max_error: expected 0..1, got {max_error!r}")
+    # The greatest float32 that is not more.
+    least = np.float32(error)
+    if float(least) > error:
+        least = np.nextafter(least, np.float32(0))
+    return {**target, "parameters": gpu.put("parameters", np.array([least], np.float32))}, {"BOUNDED": 1}
 
 
 def draw_once(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from clpeel.binning import Batch
 from clpeel.device import Gpu
-from clpeel.draw import Drawn, Report, draw_tiles, groups_for
+from clpeel.draw import Drawn, Report, bounded, draw_tiles, groups_for
 from clpeel.errors import InputError
 from clpeel.layout import BLOCK, BLOCK_PIXELS, BLOCKS_A_ROW, TILE, TILE_TOTALS
 from clpeel.program import program
@@ -50,13 +50,15 @@ def peel(
     passes: int | None = None,
     occlusion_query: bool = True,
     coincident: str = "keep",
+    max_error: float | None = None,
     defines: dict[str, int] | None = None,
     layers_a_pass: int | None = None,
 ) -> Drawn:
     """Draws the batch with the technique in the kernel file `path`.
 
     first_passes: geometry passes that peel nothing yet. passes: peels that many times and stops. occlusion_query: stops
-    where a pass draws nothing; without, all `passes` are made. coincident: "keep" or "paper" (COINCIDENT). defines:
+    where a pass draws nothing; without, all `passes` are made. coincident: "keep" or "paper" (COINCIDENT).
+    max_error: as for bounded (draw.py). defines:
     constants of the kernel. layers_a_pass: where the passes of a peel may have to be repeated, how many layers one
     peels; `passes` must then be None. Raises InputError where one of these cannot be, or where there is no end to the
     repeats.
@@ -82,12 +84,15 @@ def peel(
                 f"hazard_window: expected fewer triangles in a tile, whose passes can be counted, got {most_layers:,}; "
                 "simulate a part of the scene, or a larger picture"
             )
+    target, bounds = bounded(gpu, target, max_error)
     pass_totals = gpu.put("pass_totals", np.zeros((most_passes + 1, 4), np.uint32))
     tile_totals = gpu.buffer("tile_totals", 4 * TILE_TOTALS * batch.tiles)
     draw_tiles(
         gpu,
         path.removesuffix(".cl").rpartition("/")[2],
-        program(gpu, path, triangles.features, **(defines or {}), BY_DEPTH=int(coincident == "paper"))["peel"],
+        program(gpu, path, triangles.features, **(defines or {}), **bounds, BY_DEPTH=int(coincident == "paper"))[
+            "peel"
+        ],
         groups_for(gpu, batch),
         batch,
         report,

@@ -28,7 +28,7 @@ from clpeel.opaque import draw_opaque
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
 from clpeel.scene import Scene
-from clpeel.techniques import LAYERS, with_map
+from clpeel.techniques import ERROR_BOUND, LAYERS, MAX_ERROR, with_map
 from clpeel.techniques import technique as technique_named
 
 LIGHTINGS = ("none", "headlight")
@@ -62,7 +62,7 @@ class Result:
     kernel_seconds {kernel: s} by the device's clock, seconds_per_pass [of each; equal shares where the device cannot
     tell], bytes {buffer: n}, bytes_per_pixel (those), buffer_bytes_per_pixel (what the technique keeps of a sample),
     device; and what the technique adds.
-    thickness, unpaired: maps, of techniques that make them (`Technique.maps`).
+    thickness, unpaired: maps, of techniques that make them (`Technique.maps`). error_bound: with `max_error`.
     """
 
     image: NDArray[np.uint8]
@@ -103,6 +103,16 @@ class Result:
     def unpaired(self) -> NDArray[np.bool_]:
         """bool [height, width], where crossings do not pair up: the mesh is open there, or cut by a clipping plane."""
         return self.map("unpaired")
+
+    @property
+    def error_bound(self) -> NDArray[np.float32]:
+        """float32 [height, width], with `max_error`: how far a channel of `color`, or over any background, may be off.
+
+        What was left out cannot change a channel by more than the transmittance in front of it: the mean over a pixel's
+        samples, 0 where nothing was. float32 adds 3 N + 4 roundings of 2^-24, N being the most layers of a sample, with
+        an opaque one.
+        """
+        return self.map(ERROR_BOUND)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the image as a PNG, whole or not at all. Raises InputError when the place cannot be written."""
@@ -176,7 +186,9 @@ class Renderer:
         side = checked_samples(samples, size)
         if opaque not in OPAQUE:
             raise InputError(f"opaque: expected one of {', '.join(OPAQUE)}; got {opaque!r}")
-        check_picture_fits(size, 4 + 16 * (keep_color + bool(chosen.maps)))
+        bounded = options.get(MAX_ERROR) is not None
+        keep_values = bounded or bool(chosen.maps)
+        check_picture_fits(size, 4 + 16 * (keep_color + keep_values))
         limit = None if memory is None else parse_memory(memory)
         if camera is None:
             camera = Camera.frame(self.scene, aspect=size[0] / size[1])
@@ -200,7 +212,7 @@ class Renderer:
             largest // (COLOR_BYTES if triangles.features.fragment_color else FRAGMENT_BYTES),
             2**31 - 1,  # places are signed where vectors are scattered (common.h)
         )
-        picture = self._picture(size, keep_color, bool(chosen.maps))
+        picture = self._picture(size, keep_color, keep_values)
         target = picture.begin(side, over)
         found: list[Drawn] = []
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
@@ -214,6 +226,11 @@ class Renderer:
         done = Finished(picture.image, picture.color, {}, {})
         if chosen.finish is not None:
             done = chosen.finish(picture, triangles, over, **options)
+        layers_max = max(drawn.layers_max for drawn in found)
+        if bounded and picture.values is not None:
+            if triangles.features.surfaces == "opaque":
+                picture.values[...] = 0  # its one pass finds none
+            done = with_error_bound(picture, layers_max)
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
         # What no kernel took: compiling them the first time, the scene's upload, the host's own work and waiting.
@@ -225,7 +242,6 @@ class Renderer:
             buffers["values"] = picture.values.nbytes
         pixels = size[0] * size[1]
         samples_passed = sums(drawn.samples_passed for drawn in found)
-        layers_max = max(drawn.layers_max for drawn in found)
         mixed = triangles.features.surfaces == "mixed"
         stats: dict[str, Any] = {
             "technique": technique,
@@ -301,6 +317,18 @@ def check_layers(technique: str, layers: bool, samples: int) -> None:
         check_options(technique, [LAYERS])
         if samples != 1:
             raise InputError(f"layers: expected samples=1, got {samples!r}")
+
+
+def with_error_bound(picture: Picture, layers: int) -> Finished:
+    """The picture with its map of `Result.error_bound`, and what its stats say of the layers that were left out.
+
+    layers: the most of a sample that were not.
+    """
+    assert picture.values is not None
+    hidden = picture.values[..., 0]
+    stats = {"truncated_pixels": int(np.count_nonzero(hidden)), "truncation_bound": float(hidden.max())}
+    rounding = np.float32((3 * (layers + 1) + 4) * 2.0**-24)  # one more for what is opaque
+    return Finished(picture.image, picture.color, {ERROR_BOUND: np.minimum(hidden + rounding, np.float32(1))}, stats)
 
 
 def sums(parts: Iterable[tuple[int, ...]]) -> list[int]:

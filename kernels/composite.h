@@ -27,6 +27,14 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint sid
     return sum / (float)(side * side);
 }
 
+// BOUNDED: layers are left out once the transmittance in front of them is parameters[0] or less, and that is found besides:
+// what they can have changed in any channel, at most.
+#ifndef BOUNDED
+#define BOUNDED 0
+#endif
+#if BOUNDED
+#define VALUES 1
+#endif
 #ifndef VALUES
 #define VALUES 0
 #endif

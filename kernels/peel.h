@@ -16,10 +16,12 @@
 //                                           returns those that passed
 //   peeled(buffers, i)                      payloads of the i-th layer that the pass has peeled, NO_PAYLOAD where there is none
 //   blend_peeled(buffers, i, colors)        blends it into the colour buffers
-//   end_pass(buffers)                       returns where there is more to peel
+//   end_pass(buffers, least_seen)           returns where there is more to peel; it is peeled no further where no more than
+//                                           least_seen of it could be seen
 //   seen_through(buffers)                   the transmittance of what is peeled and lies in front of what is not
 //   merge(buffers, merged)                  puts the colour buffers over premultiplied colour and transmittance
-//                                           with VALUES (buffers, merged, parameters, found): and four numbers a pixel besides
+//                                           with VALUES (buffers, merged, parameters, found): and four numbers a pixel besides,
+//                                           unless these are those of BOUNDED (composite.h)
 //
 // and, where concurrent writes may spoil a pass, REPEATS, so that it is repeated until nothing passes any more, before its layers
 // are blended:
@@ -57,6 +59,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
 #endif
     local uint taken, totals[TILE_TOTALS];
     const float3 view = (float3)(view_x, view_y, view_z);
+    const float least_seen = BOUNDED ? parameters[0] : 0.0f;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     for (;;) {
         if (get_local_id(0) == 0) {
@@ -77,11 +80,11 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                                 palette, weights, normals, view, z_far, behind);
         }
         Buffers buffers[STRIPS_A_LANE];
-        VECTOR(int) more[STRIPS_A_LANE];
+        VECTOR(int) more[STRIPS_A_LANE], stopped[STRIPS_A_LANE];  // stopped: where least_seen has left some out
         VECTOR(uint) layers[STRIPS_A_LANE];
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
             clear_buffers(buffers + own);
-            more[own] = (VECTOR(int))(0), layers[own] = (VECTOR(uint))(0);
+            more[own] = stopped[own] = (VECTOR(int))(0), layers[own] = (VECTOR(uint))(0);
         }
         uint fragments = 0, pass = 0, passed = 0, endless = 0;
         bool left_over = true;
@@ -129,7 +132,11 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                               pairs, faces, palette, weights, normals, view, &colors);
                     blend_peeled(buffers + own, i, &colors);
                 }
-                more[own] = end_pass(buffers + own);
+                more[own] = end_pass(buffers + own, least_seen);
+#if BOUNDED
+                VECTOR(int) hidden = more[own] & ~(seen_through(buffers + own) > (VECTOR(float))(least_seen));
+                stopped[own] |= hidden, more[own] &= ~hidden;
+#endif
                 left_over |= BITS_OF(more[own]) != 0;
             }
             if (!REPEATS && lane == 0) add_long(totals_of_pass + 2, TICKS() - begun);
@@ -137,14 +144,21 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         uint truncated = 0, deepest = 0, hidden = 0;
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
             Colors merged = MIXED ? behind[own] : clear;
+            VECTOR(float) seen = seen_through(buffers + own);
+            more[own] |= stopped[own];
 #if VALUES
             Colors measured;
+#if BOUNDED
+            measured.green = measured.blue = measured.alpha = (VECTOR(float))(0.0f);
+            measured.red = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(seen) & more[own]);
+            merge(buffers + own, &merged);
+#else
             merge(buffers + own, &merged, parameters, &measured);
+#endif
             found[own * LANES + lane] = measured;
 #else
             merge(buffers + own, &merged);
 #endif
-            VECTOR(float) seen = seen_through(buffers + own);
             for (int k = 0; k < STRIP; ++k) {
                 float through = ((const float *)&seen)[k];
                 deepest = MAX(deepest, ((const uint *)(layers + own))[k]);

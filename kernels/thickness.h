@@ -178,7 +178,7 @@ INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
     if (i == 0) b->color = *colors;
 }
 
-INLINE VECTOR(int) end_pass(Buffers *b) { return (VECTOR(int))(0); }
+INLINE VECTOR(int) end_pass(Buffers *b, float least_seen) { return (VECTOR(int))(0); }
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return (VECTOR(float))(0.0f); }
 

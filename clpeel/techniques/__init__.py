@@ -24,7 +24,13 @@ from clpeel.techniques import (
 LAYERS = "layers"
 """Option of all that know a pixel's layers, front to back: gives these besides the picture (layers.py)."""
 
-PEELING = ("passes", "occlusion_query", "coincident", LAYERS)
+ERROR_BOUND = "error_bound"
+"""The map that MAX_ERROR makes."""
+
+MAX_ERROR = "max_error"
+"""Option of all that blend in order: leave out what cannot change a channel by more, and tell by how much (draw.py)."""
+
+PEELING = ("passes", "occlusion_query", "coincident", MAX_ERROR, LAYERS)
 """Options of all that peel until nothing is left (peel.py)."""
 
 
@@ -59,7 +65,7 @@ TECHNIQUES: dict[str, Technique] = {
         fragment_bytes=sort.SCRATCH_BYTES,
         passes=1,
         exact=True,
-        options=(LAYERS,),
+        options=(MAX_ERROR, LAYERS),
         peeled=sort.peeled,
     ),
     "depth-peeling": Technique(
@@ -131,5 +137,9 @@ def technique(name: str) -> Technique:
 
 
 def with_map(name: str) -> list[str]:
-    """The techniques that make the map of that name."""
-    return [technique for technique, made in TECHNIQUES.items() if name in made.maps]
+    """The techniques that make the map of that name, always or when they are told how much they may leave out."""
+    return [
+        technique
+        for technique, made in TECHNIQUES.items()
+        if name in made.maps or (name == ERROR_BOUND and MAX_ERROR in made.options)
+    ]

@@ -65,7 +65,7 @@ def draw(
         raise InputError(f"hazard_order: expected one of {', '.join(HAZARD_ORDERS)}; got {hazard_order!r}")
     if hazard_window is None and not torn_writes:
         return peel("techniques/multi-layer-peeling.cl", 0, *arguments, defines=defines, **options)
-    for name in options.keys() & {"passes", "occlusion_query"}:
+    for name in options.keys() & {"passes", "occlusion_query", "max_error"}:
         raise InputError(f"{name}: expected none with hazard_window: its passes end when nothing is written; got one")
     window = TORN_WINDOW if hazard_window is None else hazard_window
     defines["HAZARD_WINDOW"] = checked_count("hazard_window", window, MAX_WINDOW)

@@ -5,11 +5,13 @@ Front to back under blending in the order (depth, submission index), float32 (Ba
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
-from clpeel.draw import draw_once
+from clpeel.binning import Batch
+from clpeel.device import Gpu
+from clpeel.draw import Drawn, Report, bounded, draw_once
 from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
+from clpeel.projection import Triangles
 
 SUMMARY = "exact: sorts each pixel's fragments by depth, then blends them front to back"
 SCRATCH_BYTES = FRAGMENT_BYTES
@@ -21,9 +23,21 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     return FRAGMENT_BYTES * layers
 
 
-draw = partial(draw_once, "techniques/sort.cl", SCRATCH_BYTES)
+def draw(
+    gpu: Gpu,
+    triangles: Triangles,
+    batch: Batch,
+    target: dict[str, Any],
+    capacity: int,
+    report: Report | None = None,
+    *,
+    max_error: float | None = None,
+) -> Drawn:
+    """Draws a batch of tiles. max_error: as for bounded (draw.py), which raises InputError where it cannot be."""
+    target, bounds = bounded(gpu, target, max_error)
+    return draw_once("techniques/sort.cl", SCRATCH_BYTES, gpu, triangles, batch, target, capacity, report, **bounds)
 
 
-def peeled() -> tuple[int, int]:
+def peeled(max_error: float | None = None) -> tuple[int, int]:
     """All layers, from the front."""
     return ALL_LAYERS, 0

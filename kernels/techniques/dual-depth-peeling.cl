@@ -64,16 +64,17 @@ INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
     else blend_under(&b->front, colors);
 }
 
-// Nothing more is to be peeled where nothing lies between, or nothing behind the front could be seen.
-INLINE VECTOR(int) end_pass(Buffers *b)
+// Nothing more is to be peeled where nothing lies between, or too little behind the front could be seen.
+INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
-    VECTOR(int) left = is_there(&b->next_nearest) & (b->front.alpha > (VECTOR(float))(0.0f));
+    VECTOR(int) more = is_there(&b->next_nearest) & (b->front.alpha > (VECTOR(float))(0.0f));
+    VECTOR(int) left = more & (b->front.alpha > (VECTOR(float))(least_seen));
     Fragments none;
     clear_to(&none, FARTHEST_KEY);
     replace(&b->next_nearest, ~left, &none);
     clear_to(&none, NEAREST_KEY);
     replace(&b->next_farthest, ~left, &none);
-    return left;
+    return more;
 }
 
 // What lies between is seen through the front, and changes what is seen of the back.

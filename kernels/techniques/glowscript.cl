@@ -46,7 +46,7 @@ INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot.payload; }
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { b->peel[b->peels++] = *colors; }
 
-INLINE VECTOR(int) end_pass(Buffers *b)
+INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     VECTOR(int) found = is_there(&b->slot);
     clear_to(&b->z_near, FARTHEST_KEY);

@@ -136,7 +136,7 @@ INLINE VECTOR(int) peeled(const Buffers *b, int i)
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
 
-INLINE VECTOR(int) end_pass(Buffers *b)
+INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     VECTOR(int) left = (VECTOR(int))(0);
     for (int k = 0; k < STRIP; ++k) {

@@ -62,14 +62,14 @@ INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot[i].payload; 
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
 
-// Nothing passes any more where no layer was found for the last slot, or nothing behind could be seen.
-INLINE VECTOR(int) end_pass(Buffers *b)
+// Nothing passes any more where no layer was found for the last slot, or too little behind could be seen.
+INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     const Fragments *last = b->slot + LAYERS_A_PASS - 1;
-    VECTOR(int) left = is_there(last) & (b->color.alpha > (VECTOR(float))(0.0f));
+    VECTOR(int) left = is_there(last) & (b->color.alpha > (VECTOR(float))(least_seen));
     clear_to(&b->z_near, FARTHEST_KEY);
     replace(&b->z_near, left, last);
-    return b->more & left;
+    return b->more & is_there(last) & (b->color.alpha > (VECTOR(float))(0.0f));
 }
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return b->color.alpha; }

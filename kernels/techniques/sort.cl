@@ -1,30 +1,52 @@
 // sort: the exact picture, by sorting each pixel's fragments (sorting.h) and blending them front to back.
 //
-// Blending (blending.h) stops where the transmittance is exactly zero: nothing behind can change the picture.
+// Blending (blending.h) stops where the transmittance is exactly zero: nothing behind can change the picture. BOUNDED, each
+// pixel's stops where it is parameters[0] or less, which is then the most that what is behind can change (composite.h).
 #include "sorting.h"
 
-// Whether any pixel lets something through.
-INLINE bool is_seen(VECTOR(float) transmittance)
+// Whether any pixel lets more than that through.
+INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
 {
     bool seen = false;
-    for (int k = 0; k < STRIP; ++k) seen |= ((const float *)&transmittance)[k] != 0.0f;
+    for (int k = 0; k < STRIP; ++k) seen |= ((const float *)&transmittance)[k] > least_seen;
     return seen;
 }
 
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
-                          VECTOR(uint) count, global const void *colors, Colors *resolved)
+                          VECTOR(uint) count, global const void *colors, Colors *resolved
+#if BOUNDED
+                          , global const float *parameters, Colors *found
+#endif
+                          )
 {
+#if BOUNDED
+    const float least_seen = parameters[0];
+    VECTOR(uint) blended = (VECTOR(uint))(0);
+#else
+    const float least_seen = 0.0f;
+#endif
     uint deepest = sort_deep(fragments, scratch, begin, count);
     for (uint first = 0; first < deepest; first += RUN_MAX) {
         VECTOR(ulong) all[RUN_MAX];
         uint row_count = load_sorted(fragments, begin, step, count, first, deepest, all);
-        for (uint row = 0; row < row_count && is_seen(resolved->alpha); row += ROWS) {
+        for (uint row = 0; row < row_count && is_seen(resolved->alpha, least_seen); row += ROWS) {
             Colors source[ROWS];
             uint fetched = MIN(deepest - first - row, (uint)ROWS);
             fetch_colors(all + row, fetched, colors, source);
-            for (uint k = 0; k < fetched; ++k) blend_under(resolved, source + k);
+            for (uint k = 0; k < fetched; ++k) {
+#if BOUNDED
+                VECTOR(int) seen = resolved->alpha > (VECTOR(float))(least_seen);
+                source[k].alpha = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(source[k].alpha) & seen);
+                blended -= PASTE(as_, VECTOR(uint))(seen);
+#endif
+                blend_under(resolved, source + k);
+            }
         }
     }
+#if BOUNDED
+    VECTOR(int) hidden = count > blended;
+    found->red = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(resolved->alpha) & hidden);
+#endif
 }
 
 #include "draw.h"
