@@ -109,6 +109,17 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
 # --- render, layers and demo ------------------------------------------------------------------------------------------
 
 
+def _no_such_name(path: str, target: str) -> str:
+    """Why nothing could have that name, or ''."""
+    try:
+        os.lstat(target)
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        return f"cannot write '{path}': {error.strerror}"
+    return ""
+
+
 def check_writable(path: str, option: str) -> str:
     """The file to write, links resolved; refuses, before any work, one that could not be. `-` is standard output.
 
@@ -130,12 +141,7 @@ def check_writable(path: str, option: str) -> str:
     elif not os.access(folder, os.W_OK | os.X_OK):
         problem = f"the folder '{folder}' is not writable"
     else:
-        try:
-            os.lstat(target)
-        except FileNotFoundError:
-            pass
-        except OSError as error:
-            problem = f"cannot write '{path}': {error.strerror}"
+        problem = _no_such_name(path, target)
     if problem:
         raise InputError(f"{option}: {problem}")
     return target
@@ -192,12 +198,7 @@ def _check_folder(path: str) -> str:
     elif not os.access(parent, os.W_OK | os.X_OK):
         problem = f"the folder '{parent}' is not writable"
     else:
-        try:
-            os.lstat(target)
-        except FileNotFoundError:
-            pass
-        except OSError as error:
-            problem = f"cannot write '{path}': {error.strerror}"
+        problem = _no_such_name(path, target)
     if problem:
         raise InputError(f"--output: {problem}")
     return target

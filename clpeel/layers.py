@@ -31,7 +31,7 @@ from clpeel.layout import (
 from clpeel.program import launch, program
 from clpeel.projection import DeviceScene, Triangles, project
 from clpeel.raster import Fragments, rasterize
-from clpeel.scene import Scene
+from clpeel.scene import Scene, checked_background
 
 STAGE = "layers"
 FORMAT = 1
@@ -179,8 +179,6 @@ def _shown(
     rgb: NDArray[np.float32], through: NDArray[np.float32], background: Sequence[float] | None
 ) -> NDArray[np.uint8]:
     """Premultiplied colour [h, w, 3] and transmittance [h, w, 1] to a picture: composite.h, operation by operation."""
-    from clpeel.renderer import checked_background
-
     over = checked_background(background)
     alpha = np.ones_like(through)
     if over is not None:

@@ -27,7 +27,7 @@ from clpeel.normals import with_normals
 from clpeel.opaque import draw_opaque
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
-from clpeel.scene import Scene
+from clpeel.scene import Scene, checked_background
 from clpeel.techniques import ERROR_BOUND, LAYERS, MAX_ERROR, with_map
 from clpeel.techniques import technique as technique_named
 
@@ -376,19 +376,6 @@ def checked_samples(samples: int, size: tuple[int, int]) -> int:
             f"samples: expected at most {MAX_SIDE // side} pixels a side with {samples} samples, got {max(size)}"
         )
     return side
-
-
-def checked_background(background: Sequence[float] | None) -> tuple[float, float, float] | None:
-    """Three numbers 0..1 or None, or InputError."""
-    if background is None:
-        return None
-    try:
-        red, green, blue = (float(value) for value in background)
-    except (TypeError, ValueError):
-        raise InputError(f"background: expected 3 numbers 0..1 or None, got {background!r}") from None
-    if not all(0 <= value <= 1 for value in (red, green, blue)):
-        raise InputError(f"background: expected 3 numbers 0..1, got {background!r}")
-    return red, green, blue
 
 
 def parse_memory(memory: int | str) -> int:

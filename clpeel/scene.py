@@ -258,6 +258,22 @@ def checked_colors(name: str, value: ArrayLike, rows: tuple[int, ...]) -> Colors
     return colors
 
 
+def checked_rgb(name: str, value: Any, or_none: str = "") -> tuple[float, float, float]:
+    """value as three numbers 0..1, or InputError. or_none: what else may be given, for the message."""
+    try:
+        red, green, blue = (float(part) for part in value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected 3 numbers 0..1{or_none}, got {value!r}") from None
+    if not all(0 <= part <= 1 for part in (red, green, blue)):
+        raise InputError(f"{name}: expected 3 numbers 0..1, got {value!r}")
+    return red, green, blue
+
+
+def checked_background(background: Sequence[float] | None) -> tuple[float, float, float] | None:
+    """Three numbers 0..1 or None, or InputError."""
+    return None if background is None else checked_rgb("background", background, " or None")
+
+
 def checked_opacity(value: Any) -> float:
     """value as a float in 0..1, or InputError."""
     try:

@@ -16,6 +16,7 @@ from clpeel.composite import Finished, Picture
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.projection import Triangles
+from clpeel.scene import checked_rgb
 from clpeel.techniques.thickness import maps_of, measure
 
 SUMMARY = "surfaces with a light behind them, which comes through where they are thin"
@@ -45,17 +46,6 @@ def extinction(triangles: Triangles, sigma: Any) -> float:
     return value
 
 
-def checked_light(color: Any) -> tuple[float, float, float]:
-    """Three numbers 0..1, or InputError."""
-    try:
-        red, green, blue = (float(value) for value in color)
-    except (TypeError, ValueError):
-        raise InputError(f"light_color: expected 3 numbers 0..1, got {color!r}") from None
-    if not all(0 <= value <= 1 for value in (red, green, blue)):
-        raise InputError(f"light_color: expected 3 numbers 0..1, got {color!r}")
-    return red, green, blue
-
-
 def draw(
     gpu: Any,
     triangles: Triangles,
@@ -65,7 +55,7 @@ def draw(
     light_color: Sequence[float] = LIGHT_COLOR,
 ) -> Drawn:
     """Draws a batch of tiles. Raises InputError where an option cannot be."""
-    parameters = extinction(triangles, sigma), *checked_light(light_color), REFLECTANCE
+    parameters = extinction(triangles, sigma), *checked_rgb("light_color", light_color), REFLECTANCE
     return measure("techniques/translucency.cl", variant, False, parameters, gpu, triangles, *arguments)
 
 
