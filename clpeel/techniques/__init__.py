@@ -28,13 +28,19 @@ PEELING = ("passes", "occlusion_query", "coincident", LAYERS)
 """Options of all that peel until nothing is left (peel.py)."""
 
 
+def one_pass(layers: int, options: dict[str, Any]) -> int:
+    """However many layers there are."""
+    return 1
+
+
 @dataclass(frozen=True)
 class Technique:
     """How layers are found and blended.
 
     draw: (gpu, triangles, batch, target, capacity, report, **options) draws a batch of tiles with room for `capacity`
     fragments; buffer_bytes: (layers, options) tells what it keeps of a sample with so many layers; fragment_bytes: what
-    it needs for each fragment besides the fragment. peeled: (**options) to how many transparent layers of a pixel, from
+    it needs for each fragment besides the fragment. passes_for: (layers, options) to the geometry passes that it makes
+    where the deepest pixel has so many transparent layers, as its paper counts them. peeled: (**options) to how many transparent layers of a pixel, from
     the front and from the back, it peels; None where it does not sort.
     """
 
@@ -49,6 +55,7 @@ class Technique:
     finish: Callable[..., Finished] | None = None
     """Of techniques with maps: (picture, triangles, background, **options) makes them of picture.values."""
     peeled: Callable[..., tuple[int, int]] | None = None
+    passes_for: Callable[[int, dict[str, Any]], int] = one_pass
 
 
 TECHNIQUES: dict[str, Technique] = {
@@ -69,6 +76,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=PEELING,
         peeled=depth_peeling.peeled,
+        passes_for=depth_peeling.passes_for,
     ),
     "dual-depth-peeling": Technique(
         dual_depth_peeling.SUMMARY,
@@ -78,6 +86,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=PEELING,
         peeled=dual_depth_peeling.peeled,
+        passes_for=dual_depth_peeling.passes_for,
     ),
     "multi-layer-peeling": Technique(
         multi_layer_peeling.SUMMARY,
@@ -86,6 +95,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=(*PEELING, "layers_per_pass", "hazard_window", "hazard_order", "torn_writes"),
         peeled=multi_layer_peeling.peeled,
+        passes_for=multi_layer_peeling.passes_for,
     ),
     "glowscript": Technique(
         glowscript.SUMMARY,
@@ -93,6 +103,7 @@ TECHNIQUES: dict[str, Technique] = {
         glowscript.buffer_bytes,
         options=("passes", "coincident", LAYERS),
         peeled=glowscript.peeled,
+        passes_for=glowscript.passes_for,
     ),
     "thickness": Technique(
         thickness.SUMMARY,
