@@ -376,7 +376,7 @@ def counting_work(counted: Counted) -> Work:
 
 
 def estimated_seconds(name: str, counted: Counted, shaded: bool) -> float | None:
-    """Of the stages before, as they were measured, and the table's of drawing, scaled as counting was to the table's."""
+    """Of the stages before, as measured, and of drawing by the table, scaled as counting was beside the table."""
     technique = TECHNIQUES[name]
     all_opaque = counted.features.surfaces == "opaque" and not technique.maps
     cost = OPAQUE if all_opaque else COSTS.get(name)

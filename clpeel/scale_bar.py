@@ -17,7 +17,7 @@ INK = (32, 32, 32, 255)
 
 
 def ticks(low: float, high: float, most: int = 6, whole: bool = False) -> list[float]:
-    """Round numbers, at most `most`, in low..high: multiples of 1, 2 or 5 times a power of ten; whole: of whole ones."""
+    """Round numbers, at most `most`, in low..high: 1, 2 or 5 times a power of ten apart, at least 1 where `whole`."""
     step = 10.0 ** math.floor(math.log10((high - low) / most))
     step = max(step, 1.0) if whole else step
     for factor in (1, 2, 5, 10, 20, 50):

@@ -39,9 +39,9 @@ class Technique:
 
     draw: (gpu, triangles, batch, target, capacity, report, **options) draws a batch of tiles with room for `capacity`
     fragments; buffer_bytes: (layers, options) tells what it keeps of a sample with so many layers; fragment_bytes: what
-    it needs for each fragment besides the fragment. passes_for: (layers, options) to the geometry passes that it makes
-    where the deepest pixel has so many transparent layers, as its paper counts them. peeled: (**options) to how many transparent layers of a pixel, from
-    the front and from the back, it peels; None where it does not sort.
+    it needs for each fragment besides the fragment. peeled: (**options) to how many transparent layers of a pixel, from
+    the front and from the back, it peels; None where it does not sort. passes_for: (layers, options) to the geometry
+    passes that a picture takes whose deepest pixel has so many transparent layers, as the paper counts them.
     """
 
     summary: str
