@@ -52,15 +52,16 @@ PIXEL_BYTES = 4 + 4 + 4 + 1
 SOON = 0.3
 """Seconds: what is done sooner is done once more, as the first time also pays for memory that is new."""
 
-STRIP_ROWS = 1 << 20
-"""Pixels that are coloured at once, which bounds what that takes besides the picture."""
+STRIP_PIXELS = 1 << 20
+"""Pixels that are gone through at once, which bounds what that takes besides the maps."""
 
 
 @dataclass(frozen=True)
 class Need:
     """What a technique would need for the picture, with its own options left as they are.
 
-    passes: geometry passes, as its paper counts them. bytes_per_pixel: what it keeps of a pixel, with what opaque
+    passes: geometry passes, as its paper counts them; peeling takes fewer where nothing more can be seen, as alphas
+    leave nothing through that float32 holds. bytes_per_pixel: what it keeps of a pixel, with what opaque
     surfaces take where they come first. exact: whether it blends every layer in order. left_out: fragments that it
     would not show, being behind all that it peels; None where it shows all or does not tell layers apart. seconds: of
     the device, for one picture of a scene that it holds, kernels built: an estimate; None where its cost has not been
@@ -95,7 +96,9 @@ class Complexity:
     @cached_property
     def histogram(self) -> NDArray[np.int64]:
         """How many pixels, covered or not, have 0, 1, ... layers: int64 [max + 1]."""
-        return np.bincount(self.layers.reshape(-1)).astype(np.int64)
+        flat, most = self.layers.reshape(-1), int(self.layers.max())
+        parts = (flat[at : at + STRIP_PIXELS] for at in range(0, len(flat), STRIP_PIXELS))
+        return sum((np.bincount(part, minlength=most + 1) for part in parts), np.zeros(most + 1, np.int64))
 
     @cached_property
     def covered_histogram(self) -> NDArray[np.int64]:
@@ -176,7 +179,7 @@ class Complexity:
         colors = np.concatenate([colors_at(np.arange(most + 1) / most), np.ones((most + 1, 1))], axis=-1)
         palette = (colors * 255 + 0.5).astype(np.uint8)
         image = np.empty((*self.layers.shape, 4), np.uint8)
-        rows = max(STRIP_ROWS // self.layers.shape[1], 1)
+        rows = max(STRIP_PIXELS // self.layers.shape[1], 1)
         for top in range(0, len(image), rows):
             strip = slice(top, top + rows)
             image[strip] = palette[self.layers[strip]]
@@ -359,14 +362,22 @@ def work_of(technique: Technique, counted: Counted, shaded: bool) -> Work:
     records = records - opaque_records
     different, which = np.unique(deepest, return_inverse=True)
     passes = np.array([max(technique.passes_for(int(layers), {}), 1) for layers in different], np.float64)[which]
-    drawn = float(fragments.sum())
+    drawn = float(fragments.sum()) - (left_out_by(technique, counted) or 0)
     return Work(
         record=float(passes @ records + opaque_records.sum()),
         visit=float(passes @ visits + opaque_visits.sum()),
         fragment=drawn,
-        shaded=drawn * (shaded and not technique.maps),
+        shaded=drawn * shaded,
         pixel=pixels,
     )
+
+
+def left_out_by(technique: Technique, counted: Counted) -> int | None:
+    """Fragments behind all that it peels of their pixel; None where it does not tell layers apart."""
+    if technique.peeled is None:
+        return None
+    peeled = sum(technique.peeled())
+    return int(np.maximum(counted.layers - peeled, 0).sum(dtype=np.int64)) if peeled < ALL_LAYERS else 0
 
 
 def counting_work(counted: Counted) -> Work:
@@ -393,16 +404,12 @@ def need_of(name: str, counted: Counted, shaded: bool) -> Need:
     # Maps are of all surfaces, whatever their alphas; all others have nothing left to do where all is opaque.
     deepest = int(counted.tiles[:, 4 if technique.maps else 1].max())
     nothing = surfaces == "opaque" and not technique.maps
-    left_out = None
-    if technique.peeled is not None:
-        peeled = sum(technique.peeled())
-        left_out = int(np.maximum(counted.layers - peeled, 0).sum(dtype=np.int64)) if peeled < ALL_LAYERS else 0
     kept = technique.buffer_bytes(deepest, {})
     return Need(
         technique=name,
         passes=0 if nothing else technique.passes_for(deepest, {}),
         bytes_per_pixel=kept + (OPAQUE_BYTES if surfaces == "mixed" and not technique.maps else 0),
         exact=technique.exact,
-        left_out=left_out,
+        left_out=left_out_by(technique, counted),
         seconds=estimated_seconds(name, counted, shaded),
     )

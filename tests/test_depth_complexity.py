@@ -52,42 +52,70 @@ def made(layers: Any, opaque: Any = None, needs: tuple[Need, ...] = ()) -> Compl
 # --- the counts -------------------------------------------------------------------------------------------------------
 
 
+GLASS = (0, 255, 0, 128)
+
+VIEWS = {"whole": 2.0, "clipped": 4.1}
+"""Where the near plane is: before all triangles of a soup, or among them."""
+
+
+def view(near: float) -> clpeel.Camera:
+    return clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), clipping_range=(near, 6.0))
+
+
 @given(
     seed=st.integers(0, 10**6),
     count=st.integers(1, 60),
     size=st.tuples(st.integers(1, 40), st.integers(1, 40)),
     share=st.sampled_from([0.0, 0.3, 1.0]),
-    near=st.sampled_from([2.0, 3.6, 4.1]),
+    near=st.sampled_from([*VIEWS.values(), 3.6]),
     opaque=st.sampled_from(["first", "blend"]),
 )
 @example(seed=1, count=60, size=(1, 1), share=0.3, near=2.0, opaque="first")
 @example(seed=2, count=60, size=(17, 33), share=0.3, near=3.9, opaque="first")
 @example(seed=3, count=60, size=(16, 16), share=1.0, near=2.0, opaque="first")
-def test_counts_are_those_of_render_and_of_its_layers(
+def test_counts_are_those_of_a_render(
     seed: int, count: int, size: tuple[int, int], share: float, near: float, opaque: str
 ) -> None:
-    """Fragments, layers, opaque samples and bytes of every technique; and pixel by pixel the layers there are.
-
-    Clipped by the near plane where that is among the triangles.
-    """
+    """All of them, and pixel by pixel the layers that a picture's are found in."""
     scene = some_opaque(soups.random(seed, count), share, seed).scene()
-    camera = clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), clipping_range=(near, 6.0))
     for lanes in (1, 64):
-        found = clpeel.complexity(scene, camera, size, opaque=opaque, lanes=lanes)
+        found = clpeel.complexity(scene, view(near), size, opaque=opaque, lanes=lanes)
+        result = clpeel.render(scene, view(near), size, opaque=opaque, lanes=lanes, layers=True)
+        stats = result.stats
+        assert (found.fragments, found.max) == (stats["fragments"], stats["layers_max"])
+        assert np.count_nonzero(found.opaque) == stats["opaque_samples"]
+        # Layers end with the opaque one, and are all where it is blended.
+        each = np.diff(result.layers.start).reshape(found.layers.shape)
+        assert (found.layers == each - found.opaque).all()
+
+
+@pytest.mark.parametrize("near", VIEWS.values(), ids=VIEWS)
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_needs_are_what_each_technique_reports(share: float, near: float, lanes: int) -> None:
+    """Passes and bytes, to the last; with no opaque surface, some, and nothing else."""
+    scene = some_opaque(soups.random(7, 80), share, 7).scene()
+    for size in ((40, 30), (1, 1)):
+        found = clpeel.complexity(scene, view(near), size, lanes=lanes)
         for need in found.needs:
-            stats = clpeel.render(scene, camera, size, need.technique, opaque=opaque, lanes=lanes).stats
             technique = TECHNIQUES[need.technique]
-            # Those that no query ends make all the passes they are told.
+            stats = clpeel.render(scene, view(near), size, need.technique, lanes=lanes).stats
+            # Those that no query ends make all the passes that they are told, whether they find anything or not.
             query = "occlusion_query" in technique.options
             assert need.passes == stats["passes" if query else "passes_issued"], need.technique
             assert need.bytes_per_pixel == stats["buffer_bytes_per_pixel"], need.technique
+            assert need.exact == technique.exact
             if not technique.maps:
                 assert found.fragments == stats["fragments"]
-                assert found.max == stats["layers_max"] or not technique.exact
-                assert np.count_nonzero(found.opaque) == stats["opaque_samples"]
-        layers = clpeel.render(scene, camera, size, layers=True, opaque=opaque, lanes=lanes).layers
-        each = np.diff(layers.start).reshape(found.layers.shape)
-        assert (found.layers == each - found.opaque).all()
+
+
+def test_passes_are_at_most_so_many_where_surfaces_hide_others(lanes: int) -> None:
+    """Of blended surfaces of alpha 1: those that peel stop at the first, as nothing behind it can be seen."""
+    scene = soups.stack([1.0, 2.0, 3.0, 4.0], np.full((4, 4), 255, np.uint8)).scene()
+    found = clpeel.complexity(scene, AHEAD.camera(), (5, 5), opaque="blend", lanes=lanes)
+    for need in found.needs:
+        stats = clpeel.render(scene, AHEAD.camera(), (5, 5), need.technique, opaque="blend", lanes=lanes).stats
+        assert need.passes >= stats["passes"]
+    assert found.max == 4
 
 
 @pytest.mark.parametrize("size", [(60, 45), (1, 1), (33, 17)])
@@ -96,7 +124,7 @@ def test_counts_are_the_twins(size: tuple[int, int], lanes: int, judge: Judge) -
         soup = soups.random(seed, 120)
         twin, excused, _ = judge.weigh(soup, BENCH, size)
         found = clpeel.complexity(soup.scene(), BENCH.camera(), size, lanes=lanes)
-        assert (found.layers == twin.layers)[~excused].all() and excused.mean() < 0.2
+        assert (found.layers == twin.layers)[~excused].all() and (excused.mean() < 0.2 or size == (1, 1))
         assert not found.opaque.any()
         assert found.layers.dtype == np.int32 and found.layers.shape == size[::-1]
 
@@ -124,7 +152,7 @@ def test_a_stack_over_all_of_the_picture(layers: int, lanes: int) -> None:
 
 
 def test_coincident_surfaces_are_all_counted_and_the_first_submitted_is_in_front(lanes: int) -> None:
-    glass, wall = (0.0, 1.0, 0.0, 0.5), (1.0, 0.0, 0.0, 1.0)
+    glass, wall = (0, 255, 0, 128), (255, 0, 0, 255)
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (5, 5), "lanes": lanes}
     assert (clpeel.complexity(soups.stack([2.0, 2.0], [glass, glass]).scene(), **call).layers == 2).all()
     assert (clpeel.complexity(soups.stack([2.0, 2.0], [glass, wall]).scene(), **call).layers == 1).all()
@@ -192,7 +220,7 @@ def test_percents_that_cannot_be(percent: float) -> None:
 
 def test_what_stopping_early_leaves_out() -> None:
     """Four of ten layers are peeled: six are not."""
-    scene = soups.stack(np.linspace(1, 7, 10), (0.0, 1.0, 0.0, 0.5)).scene()
+    scene = soups.stack(np.linspace(1, 7, 10), GLASS).scene()
     for need in clpeel.complexity(scene, AHEAD.camera(), (4, 3)).needs:
         peeled = TECHNIQUES[need.technique].peeled
         if peeled is None:
@@ -214,8 +242,8 @@ def test_every_technique_has_a_measured_cost() -> None:
 def test_estimates_grow_with_what_there_is_to_do(lanes: int) -> None:
     """More layers take longer, light takes longer where it is shaded, and all are finite numbers above zero."""
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (200, 200), "lanes": lanes}
-    few = clpeel.complexity(soups.stack(np.linspace(1, 7, 4), (0.0, 1.0, 0.0, 0.5)).scene(), **call)
-    many = clpeel.complexity(soups.stack(np.linspace(1, 7, 64), (0.0, 1.0, 0.0, 0.5)).scene(), **call)
+    few = clpeel.complexity(soups.stack(np.linspace(1, 7, 4), GLASS).scene(), **call)
+    many = clpeel.complexity(soups.stack(np.linspace(1, 7, 64), GLASS).scene(), **call)
     for less, more in zip(few.needs, many.needs, strict=True):
         assert less.seconds is not None and more.seconds is not None
         assert 0 < less.seconds < more.seconds < 60
