@@ -13,10 +13,11 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from clpeel import costs
 from clpeel.binning import BATCH_SHARE, PAIR_BYTES, bin_triangles
 from clpeel.camera import Camera
 from clpeel.colormap import colors_at
-from clpeel.costs import COSTS, COUNTING, OPAQUE, Cost
+from clpeel.costs import Cost
 from clpeel.device import Gpu
 from clpeel.draw import draw_tiles, groups_for
 from clpeel.errors import InputError
@@ -333,10 +334,9 @@ def count_layers(
 
 @dataclass(frozen=True)
 class Work:
-    """How often the things are done that have a cost (costs.py)."""
+    """How often the things are done that have a cost (costs.py); walk: nanoseconds that counting would take for it."""
 
-    record: float
-    visit: float
+    walk: float
     fragment: float
     shaded: float
     pixel: float
@@ -344,6 +344,11 @@ class Work:
     def nanoseconds(self, cost: Cost) -> float:
         """What it takes where the costs were measured."""
         return sum(count * each for count, each in zip(astuple(self), astuple(cost), strict=True))
+
+
+def counting_nanoseconds(records: Any, visits: Any) -> Any:
+    """Of a walk over so many records that visits so many strips."""
+    return costs.RECORD * records + costs.VISIT * visits
 
 
 def work_of(technique: Technique, counted: Counted, shaded: bool) -> Work:
@@ -358,14 +363,16 @@ def work_of(technique: Technique, counted: Counted, shaded: bool) -> Work:
         opaque_visits = opaque_records = np.zeros_like(records)
     elif counted.features.surfaces == "opaque":
         drawn = float(solid.sum())
-        return Work(float(records.sum()), float(opaque_visits.sum()), drawn, drawn * shaded, pixels)
+        return Work(
+            counting_nanoseconds(float(records.sum()), float(opaque_visits.sum())), drawn, drawn * shaded, pixels
+        )
     records = records - opaque_records
     different, which = np.unique(deepest, return_inverse=True)
     passes = np.array([max(technique.passes_for(int(layers), {}), 1) for layers in different], np.float64)[which]
     drawn = float(fragments.sum()) - (left_out_by(technique, counted) or 0)
+    walks = passes * counting_nanoseconds(records, visits) + counting_nanoseconds(opaque_records, opaque_visits)
     return Work(
-        record=float(passes @ records + opaque_records.sum()),
-        visit=float(passes @ visits + opaque_visits.sum()),
+        walk=float(walks.sum()),
         fragment=drawn,
         shaded=drawn * shaded,
         pixel=pixels,
@@ -380,21 +387,20 @@ def left_out_by(technique: Technique, counted: Counted) -> int | None:
     return int(np.maximum(counted.layers - peeled, 0).sum(dtype=np.int64)) if peeled < ALL_LAYERS else 0
 
 
-def counting_work(counted: Counted) -> Work:
-    """What counting took."""
-    visits = float(counted.tiles[:, 5:7].sum())
-    return Work(float(counted.records.sum()), visits, 0.0, 0.0, counted.layers.size)
+def scale_of(counted: Counted) -> float:
+    """How many times as long counting took as it does where the costs were measured."""
+    expected = counting_nanoseconds(float(counted.records.sum()), float(counted.tiles[:, 5:7].sum()))
+    return counted.walk_seconds / max(expected, 1.0)
 
 
 def estimated_seconds(name: str, counted: Counted, shaded: bool) -> float | None:
     """Of the stages before, as measured, and of drawing by the table, scaled as counting was beside the table."""
     technique = TECHNIQUES[name]
     all_opaque = counted.features.surfaces == "opaque" and not technique.maps
-    cost = OPAQUE if all_opaque else COSTS.get(name)
+    cost = costs.OPAQUE if all_opaque else costs.COSTS.get(name)
     if cost is None:
         return None
-    scale = counted.walk_seconds / max(counting_work(counted).nanoseconds(COUNTING), 1.0)
-    return counted.setup_seconds + scale * work_of(technique, counted, shaded).nanoseconds(cost)
+    return counted.setup_seconds + scale_of(counted) * work_of(technique, counted, shaded).nanoseconds(cost)
 
 
 def need_of(name: str, counted: Counted, shaded: bool) -> Need:

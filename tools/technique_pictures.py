@@ -1,7 +1,7 @@
 """Every technique on one scene, the demo's, as docs/techniques.md shows them: python tools/technique_pictures.py.
 
-One picture for each of the registry, docs/techniques/NAME.png, and those of STOPPED, which peel less than there is; and of
-its layers, docs/complexity/demo.png.
+One picture for each of the registry, docs/techniques/NAME.png, and those of STOPPED, which peel less than there is; and
+docs/complexity/demo.png, how many layers it has.
 """
 
 from __future__ import annotations
