@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-RECORD, VISIT = 13.3, 8.67
-"""Nanoseconds of counting (depth_complexity.cl): a record of a tile made ready, and a strip of it visited for one."""
+RECORD, VISIT, PIXEL = 6.1, 4.0, 2.6
+"""Nanoseconds of counting (depth_complexity.cl): a record of a tile made ready, a strip of it visited for one, and a
+pixel's count stored."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """walk: of a tile's records in one pass, in times of counting's. In nanoseconds, all units of the device together,
+    """What things cost: a walk over a tile's records in times of counting's, else nanoseconds of all units together.
+
     fragment: to keep, order and blend one; shaded: more where its colour varies over a face; pixel: to put one into the
-    picture."""
+    picture.
+    """
 
     walk: float
     fragment: float
@@ -24,17 +27,17 @@ class Cost:
     pixel: float
 
 
-OPAQUE = Cost(1.15, 0, 49.2, 0)
+OPAQUE = Cost(1.15, 0, 22.6, 0)
 """Of scenes with nothing transparent, whatever the technique; fragments are then samples with a surface."""
 
 COSTS = {
-    "sort": Cost(3.63, 0.57, 50.8, 1.96),
-    "depth-peeling": Cost(1.40, 0.10, 71.6, 0),
-    "dual-depth-peeling": Cost(1.69, 0, 67.1, 5.62),
-    "multi-layer-peeling": Cost(2.11, 0.38, 57.0, 5.54),
-    "glowscript": Cost(1.44, 3.3, 58.1, 0),
-    "thickness": Cost(2.88, 0, 0, 16.1),
-    "translucency": Cost(3.64, 0, 37.9, 17.0),
-    "weighted-average": Cost(3.57, 0, 43.0, 6.05),
-    "weighted-sum": Cost(2.61, 0, 47.7, 5.65),
+    "sort": Cost(3.63, 0.26, 23.4, 0.9),
+    "depth-peeling": Cost(1.40, 0.046, 32.9, 0),
+    "dual-depth-peeling": Cost(1.69, 0, 30.9, 2.6),
+    "multi-layer-peeling": Cost(2.11, 0.17, 26.2, 2.5),
+    "glowscript": Cost(1.44, 1.5, 26.7, 0),
+    "thickness": Cost(2.88, 0, 0, 7.4),
+    "translucency": Cost(3.64, 0, 17.4, 7.8),
+    "weighted-average": Cost(3.57, 0, 19.8, 2.8),
+    "weighted-sum": Cost(2.61, 0, 21.9, 2.6),
 }

@@ -347,7 +347,7 @@ class Work:
 
 
 def counting_nanoseconds(records: Any, visits: Any) -> Any:
-    """Of a walk over so many records that visits so many strips."""
+    """Of a walk over so many records that visits so many strips, but for what counting stores of each pixel."""
     return costs.RECORD * records + costs.VISIT * visits
 
 
@@ -390,7 +390,8 @@ def left_out_by(technique: Technique, counted: Counted) -> int | None:
 def scale_of(counted: Counted) -> float:
     """How many times as long counting took as it does where the costs were measured."""
     expected = counting_nanoseconds(float(counted.records.sum()), float(counted.tiles[:, 5:7].sum()))
-    return counted.walk_seconds / max(expected, 1.0)
+    expected += costs.PIXEL * counted.layers.size
+    return counted.walk_seconds * 1e9 / expected
 
 
 def estimated_seconds(name: str, counted: Counted, shaded: bool) -> float | None:
@@ -400,7 +401,7 @@ def estimated_seconds(name: str, counted: Counted, shaded: bool) -> float | None
     cost = costs.OPAQUE if all_opaque else costs.COSTS.get(name)
     if cost is None:
         return None
-    return counted.setup_seconds + scale_of(counted) * work_of(technique, counted, shaded).nanoseconds(cost)
+    return counted.setup_seconds + 1e-9 * scale_of(counted) * work_of(technique, counted, shaded).nanoseconds(cost)
 
 
 def need_of(name: str, counted: Counted, shaded: bool) -> Need:

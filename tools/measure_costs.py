@@ -33,6 +33,7 @@ MOST_SECONDS = 0.8
 """Of a scene with a technique: fewer repeats where it takes longer."""
 
 VIEW = clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), view_angle=30.0, clipping_range=(2.0, 6.0))
+AWAY = clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 8.0), clipping_range=(1.0, 2.0))
 SIZE = (800, 800)
 OTHERS_SIZE = (1024, 1024)
 OPAQUE_ROW = "OPAQUE"
@@ -57,6 +58,7 @@ def calibration() -> Iterator[tuple[str, clpeel.Scene, clpeel.Camera]]:
         yield f"{count} of {radius}, some opaque", triangles(count, radius, count, 0.1), VIEW
     for count, radius in ((300_000, 0.005), (20_000, 0.04), (100, 1.0)):
         yield f"{count} of {radius}, all opaque", triangles(count, radius, count, 1.0), VIEW
+    yield "nothing in view", triangles(100, 0.1, 1), AWAY
     demo = demo_scene()
     yield "demo", demo, clpeel.Camera.frame(demo, DIRECTION).zoom(ZOOM)
 
@@ -143,7 +145,7 @@ def main() -> None:
         for size in (SIZE if group == "fit" else OTHERS_SIZE,):
             counted = counted_at_rest(renderer, camera, size)
             if group == "fit":
-                walked = float(counted.records.sum()), float(counted.tiles[:, 5:7].sum())
+                walked = float(counted.records.sum()), float(counted.tiles[:, 5:7].sum()), counted.layers.size
                 counting.append((walked, counted.walk_seconds, counted.walk_seconds))
             for lighting in ("none", "headlight"):
                 lit = lighting != "none"
@@ -157,9 +159,8 @@ def main() -> None:
         print(f"{label} done", file=sys.stderr, flush=True)
     if options.fit:
         # What a walk is measured in comes first, as the work is told in it.
-        record, visit = fitted(counting)
-        costs.RECORD, costs.VISIT = float(record), float(visit)
-        print(f"RECORD, VISIT = {record:.3g}, {visit:.3g}")
+        costs.RECORD, costs.VISIT, costs.PIXEL = (float(cost) for cost in fitted(counting))
+        print(f"RECORD, VISIT, PIXEL = {costs.RECORD:.3g}, {costs.VISIT:.3g}, {costs.PIXEL:.3g}")
         table = {
             name: fitted(
                 [(astuple(work_of(which, counted, lit)), own, whole) for counted, lit, which, own, whole in found]
