@@ -1,8 +1,8 @@
 """What drawing costs, technique by technique: the one table of measured numbers that estimates are made of.
 
 tools/measure_costs.py measures them anew, on any device, and prints this table and how far off its estimates are. These
-are of two cores of an AMD EPYC, PoCL 3.0, that others used at the same time: but for counting, fitted to all scenes, then
-brought to the speed that counting has where the cores are free.
+are of two cores of an AMD EPYC, PoCL 3.0, that others used at the same time: fitted to many scenes, then brought to the
+speed that counting has where the cores are free.
 """
 
 from __future__ import annotations

@@ -108,6 +108,16 @@ def test_needs_are_what_each_technique_reports(share: float, near: float, lanes:
                 assert found.fragments == stats["fragments"]
 
 
+@pytest.mark.parametrize("layers", [1, 2, 3, 8, 9])
+def test_passes_of_a_stack_are_what_each_technique_makes(layers: int) -> None:
+    """Odd and even numbers of layers, and just as many as one pass of several peels, and one more."""
+    scene = soups.stack(np.linspace(1, 7, layers), GLASS).scene()
+    for need in clpeel.complexity(scene, AHEAD.camera(), (5, 5)).needs:
+        stats = clpeel.render(scene, AHEAD.camera(), (5, 5), need.technique).stats
+        query = "occlusion_query" in TECHNIQUES[need.technique].options
+        assert need.passes == stats["passes" if query else "passes_issued"], need.technique
+
+
 def test_passes_are_at_most_so_many_where_surfaces_hide_others(lanes: int) -> None:
     """Of blended surfaces of alpha 1: those that peel stop at the first, as nothing behind it can be seen."""
     scene = soups.stack([1.0, 2.0, 3.0, 4.0], np.full((4, 4), 255, np.uint8)).scene()
