@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from clpeel.camera import Camera as Camera
+    from clpeel.depth_complexity import Complexity as Complexity
+    from clpeel.depth_complexity import complexity as complexity
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
     from clpeel.errors import NoDeviceError as NoDeviceError
@@ -24,12 +26,14 @@ __version__ = "0.1.0"
 _HOMES = {
     "Camera": "clpeel.camera",
     "ClpeelError": "clpeel.errors",
+    "Complexity": "clpeel.depth_complexity",
     "InputError": "clpeel.errors",
     "Layers": "clpeel.layers",
     "NoDeviceError": "clpeel.errors",
     "Renderer": "clpeel.renderer",
     "Result": "clpeel.renderer",
     "Scene": "clpeel.scene",
+    "complexity": "clpeel.depth_complexity",
     "load": "clpeel.loading",
     "load_layers": "clpeel.layers",
     "render": "clpeel.renderer",

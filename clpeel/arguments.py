@@ -30,6 +30,11 @@ Peel mesh files, front to back: a numbered PNG for each layer, each alone over t
 the colours, depths and triangles of all, which clpeel.load_layers reads. PNGs of an earlier run are replaced.
 """
 
+COMPLEXITY = """\
+Count the layers of every pixel before paying for a picture: a heat map with its scale, figures, a histogram, and what
+each technique would need: geometry passes, bytes a pixel and, roughly, seconds. Nothing is sorted, shaded or kept.
+"""
+
 
 # --- values of options ------------------------------------------------------------------------------------------------
 
@@ -192,7 +197,8 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         wrong = re.match(r"argument (?:COMMAND|command): invalid choice: '([^']*)'", message)
         if wrong:
-            message = f"expected a command (render, layers, demo, techniques, devices or report), got '{wrong[1]}'"
+            message = "expected a command (render, layers, complexity, demo, techniques, devices or report)"
+            message += f", got '{wrong[1]}'"
             if "." in wrong[1]:
                 message += f"; to make a picture of a file: clpeel render {wrong[1]}"
         message = re.sub(r"^argument (--[\w-]+)(?:/-\w)?", r"\1", message)
@@ -243,6 +249,13 @@ def _add_view_options(
     parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int
 ) -> None:
     """What all commands that render share; `group` gets those of the picture."""
+    _add_scene_options(group, resolution)
+    _add_camera_options(parser)
+    _add_method_options(parser, samples)
+
+
+def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
+    """The picture's size, what is behind the scene, and its colours."""
     add = group.add_argument
     add(
         "--resolution",
@@ -263,6 +276,9 @@ def _add_view_options(
     add("--color", type=_color, metavar="COLOR", help="colour of every surface, in place of the file's")
     add("--unlit", action="store_true", help="the colours as given (default: a light at the camera)")
 
+
+def _add_camera_options(parser: argparse.ArgumentParser) -> None:
+    """Where all commands that look at a scene look from."""
     group = parser.add_argument_group("camera")
     add = group.add_argument
     add("--camera-position", type=_vector, metavar="X,Y,Z", help="where the camera stands (default: all in view)")
@@ -282,6 +298,9 @@ def _add_view_options(
     add("--up", type=_direction, metavar="AXIS", help="the scene's up, an axis or X,Y,Z (default: +Y)")
     add("--clipping-range", type=_range, metavar="NEAR,FAR", help="distances that are drawn (default: all)")
 
+
+def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
+    """How all commands that render do it, and what they say."""
     group = parser.add_argument_group("method")
     add = group.add_argument
     add("--technique", default="sort", metavar="NAME", help="default: sort, exact; 'clpeel techniques' lists them")
@@ -327,6 +346,17 @@ def _add_view_options(
         metavar="N",
         help=f"samples a pixel, averaged for smooth edges: 1, 4, 16, 64 or 256 (default: {samples})",
     )
+    _add_device_options(group)
+
+    group = parser.add_argument_group("messages")
+    add = group.add_argument
+    add("--stats", metavar="FILE.json", help="print times, passes, fragments and bytes, or write them to a file")
+    _add_messages_options(group)
+
+
+def _add_device_options(group: argparse._ArgumentGroup) -> None:
+    """What all commands that compute compute on."""
+    add = group.add_argument
     add("--memory", metavar="SIZE", help="device memory to use, such as 512M or 2G (default: a share of the device's)")
     add("--device", metavar="DEVICE", help="number, or part of a name, as 'clpeel devices' shows them")
     add(
@@ -336,12 +366,28 @@ def _add_view_options(
         help="work-items a tile: 1, 16, 32, 64 or 128 (default: 1 on a CPU, else 64)",
     )
 
-    group = parser.add_argument_group("messages")
+
+def _add_messages_options(group: argparse._ArgumentGroup) -> None:
+    """What all commands that compute say."""
     add = group.add_argument
-    add("--stats", metavar="FILE.json", help="print times, passes, fragments and bytes, or write them to a file")
     add("--no-progress", action="store_true", help="no progress bar (it shows on a terminal, on long work)")
     add("--quiet", action="store_true", help="print errors only")
     add("--verbose", action="store_true", help="say what is done; on an error, show the whole trace")
+
+
+def _add_complexity_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `complexity`: those of `render` that a count knows."""
+    group = parser.add_argument_group("picture")
+    _add_output(group, "complexity.png", "OUT.png", "PNG file of the heat map, or - for standard output")
+    group.add_argument("--json", metavar="FILE", help="write the figures, too")
+    group.add_argument("--no-scale-bar", action="store_true", help="no scale bar in the heat map")
+    _add_scene_options(group, "1024,1024")
+    _add_camera_options(parser)
+    group = parser.add_argument_group("method")
+    text = "count what is in front of opaque surfaces alone (default), or all"
+    group.add_argument("--opaque", metavar="first|blend", default="first", help=text)
+    _add_device_options(group)
+    _add_messages_options(parser.add_argument_group("messages"))
 
 
 def make_parser() -> Parser:
@@ -375,6 +421,15 @@ def make_parser() -> Parser:
     )
     layers.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are peeled together")
     _add_layers_options(layers)
+
+    complexity = commands.add_parser(
+        "complexity",
+        help="count layers: a heat map, a histogram, and what each technique would need",
+        usage="clpeel complexity FILE... [-o OUT.png] [options]",
+        description=COMPLEXITY,
+    )
+    complexity.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are counted together")
+    _add_complexity_options(complexity)
 
     demo = commands.add_parser(
         "demo",

@@ -390,6 +390,67 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
+# --- complexity ------------------------------------------------------------------------------------------------------
+
+
+def _run_complexity(options: argparse.Namespace) -> int:
+    """Load, count, write. Nothing slow is begun before what was asked is known to be possible."""
+    if not options.verbose:
+        _quiet_libraries()
+    output = _check_picture(options.output)
+    figures_output = None if options.json is None else check_writable(options.json, "--json")
+    if options.json == "-" or (figures_output is not None and figures_output == output):
+        raise InputError(f"--json: expected a file of its own, got '{options.json}'")
+    if options.opaque not in ("first", "blend"):
+        raise InputError(f"--opaque: expected first or blend, got '{options.opaque}'")
+
+    import clpeel
+    from clpeel.device import choose
+    from clpeel.image import encode_png
+    from clpeel.renderer import parse_memory
+    from clpeel.terminal import format_complexity
+
+    if options.memory is not None:
+        parse_memory(options.memory)
+    choose(options.device)
+
+    load, name = _load_files(options)
+    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    progress(0.0, f"reading {name}")
+    try:
+        scene = load()
+        camera = make_camera(options, scene)
+        progress(0.0, "counting")
+        found = clpeel.complexity(
+            scene,
+            camera,
+            options.resolution,
+            "none" if options.unlit else "headlight",
+            opaque=options.opaque,
+            memory=options.memory,
+            device=options.device,
+            lanes=options.lanes,
+            progress=progress if progress.enabled else None,
+        )
+        progress(1.0, "writing")
+        background = None if options.no_background else options.background_color
+        _write(output, encode_png(found.image(background, not options.no_scale_bar)))
+        if figures_output is not None:
+            import json
+
+            _write(figures_output, (json.dumps(found.figures(), indent=2) + "\n").encode())
+    finally:
+        progress.clear()
+    if not options.quiet:
+        for note in scene.notes:
+            _say(f"note: {note}")
+        print(format_complexity(found.figures()), file=sys.stderr if options.output == "-" else sys.stdout)
+        if options.output != "-":
+            width, height = options.resolution
+            _say(f"wrote {options.output} ({width} x {height}, {len(scene.faces):,} triangles)")
+    return 0
+
+
 # --- devices and report -----------------------------------------------------------------------------------------------
 
 
@@ -421,6 +482,7 @@ def _run_report(options: argparse.Namespace) -> int:
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "render": _run_render,
     "layers": _run_layers,
+    "complexity": _run_complexity,
     "demo": _run_demo,
     "techniques": _run_techniques,
     "devices": _run_devices,

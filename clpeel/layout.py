@@ -46,6 +46,12 @@ TILE_TOTALS = 6
 """What peeling tells of a tile: fragments, layers, passes, truncated pixels, the greatest transmittance of those, and
 samples with an opaque surface."""
 
+COMPLEXITY_TOTALS = 8
+"""What counting tells of a tile (depth_complexity.cl)."""
+
+IS_OPAQUE = 1 << 31
+"""Of a pixel's count: an opaque surface lies behind. Counts are below 2**24 (binning.py)."""
+
 LIST_GAP = 8
 """Fragments that a pixel's list has room for beyond its last: they are moved eight at a time (sorting.h), and lists of
 equal length would fall on the same places of a cache."""

@@ -16,9 +16,10 @@ PANEL = (255, 255, 255, 216)
 INK = (32, 32, 32, 255)
 
 
-def ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers, at most `most`, in low..high: multiples of 1, 2 or 5 times a power of ten."""
+def ticks(low: float, high: float, most: int = 6, whole: bool = False) -> list[float]:
+    """Round numbers, at most `most`, in low..high: 1, 2 or 5 times a power of ten apart, at least 1 where `whole`."""
     step = 10.0 ** math.floor(math.log10((high - low) / most))
+    step = max(step, 1.0) if whole else step
     for factor in (1, 2, 5, 10, 20, 50):
         first, last = math.ceil(low / (step * factor) - 1e-9), math.floor(high / (step * factor) + 1e-9)
         if last - first < most:
@@ -27,12 +28,18 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
 
 
 def draw_scale_bar(
-    image: NDArray[np.uint8], low: float, high: float, label: str, occupied: NDArray[np.bool_], unpaired: bool
+    image: NDArray[np.uint8],
+    low: float,
+    high: float,
+    label: str,
+    occupied: NDArray[np.bool_],
+    unpaired: bool,
+    whole: bool = False,
 ) -> None:
     """Draws the bar for low..high into the least occupied corner, or nothing where the picture is too small.
 
     image: uint8 [height, width, 4], straight alpha. occupied: bool [height, width]. unpaired: whether to say what
-    OUTSIDE means, too.
+    OUTSIDE means, too. whole: whether there are only whole numbers.
     """
     from PIL import Image, ImageDraw, ImageFont
 
@@ -41,7 +48,7 @@ def draw_scale_bar(
         return
     size = max(10, min(width, height) // 36)
     font = ImageFont.load_default(size)
-    shown = ticks(low, high)
+    shown = ticks(low, high, whole=whole)
     texts = [f"{value:.6g}" for value in shown]
     notes = [label, *(["unpaired"] if unpaired else [])]
 

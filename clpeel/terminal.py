@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 from typing import Any
@@ -96,3 +97,73 @@ def format_stats(stats: dict[str, Any]) -> str:
     lines.append("bytes")
     lines += [f"  {name:<22} {_bytes(value)}" for name, value in stats.get("bytes", {}).items()]
     return "\n".join(lines)
+
+
+HISTOGRAM_ROWS = 20
+HISTOGRAM_WIDTH = 48
+
+
+def format_complexity(figures: dict[str, Any]) -> str:
+    """The figures of a Complexity: what was counted, a histogram of covered pixels, what each technique needs."""
+    width, height = figures["size"]
+    lines = [f"{width:,} x {height:,} pixels, {figures['triangles']:,} triangles"]
+    if not figures["covered_pixels"]:
+        return "\n".join([*lines, "nothing is in view"])
+    opaque = figures["opaque_pixels"]
+    lines += [
+        f"covered    {figures['covered_share']:.1%} of the pixels ({figures['covered_pixels']:,})"
+        + (f", {opaque:,} of them by an opaque surface" if opaque else ""),
+        f"fragments  {figures['fragments']:,}" + (", transparent and in front of what is opaque" if opaque else ""),
+        f"layers     most {figures['layers_max']:,}, 99th percentile {figures['layers_99th_percentile']:,}, "
+        f"median {figures['layers_median']:,}, mean {figures['layers_mean']:.3g} of covered pixels",
+        "",
+        *_histogram(figures),
+        "",
+    ]
+    rows = [("technique", "passes", "bytes a pixel", "seconds", "exact", "fragments left out")]
+    for need in figures["techniques"]:
+        seconds, left_out = need["seconds"], need["left_out"]
+        rows.append(
+            (
+                need["technique"],
+                f"{need['passes']:,}",
+                f"{need['bytes_per_pixel']:,}",
+                "?" if seconds is None else f"~{_two_digits(seconds)}",
+                "yes" if need["exact"] else "no",
+                "" if not left_out else f"{left_out:,} ({left_out / figures['fragments']:.1%})",
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        first, *numbers, last = (
+            f"{cell:{'<' if column in (0, 5) else '>'}{wide}}"
+            for column, (cell, wide) in enumerate(zip(row, widths, strict=True))
+        )
+        lines.append("  ".join([first, *numbers, last]).rstrip())
+    return "\n".join(lines)
+
+
+def _histogram(figures: dict[str, Any]) -> list[str]:
+    """Lines of bars: covered pixels by layers, in at most HISTOGRAM_ROWS bins of as many numbers each."""
+    counts = list(figures["histogram"])
+    counts[0] = figures["covered_pixels"] - sum(counts[1:])  # those with opaque surfaces alone
+    first = 0 if counts[0] else 1
+    each = max(-(-(len(counts) - first) // HISTOGRAM_ROWS), 1)
+    bins = [(low, min(low + each, len(counts))) for low in range(first, len(counts), each)]
+    names = [f"{low}" if stop - low == 1 else f"{low}-{stop - 1}" for low, stop in bins]
+    pixels = [sum(counts[low:stop]) for low, stop in bins]
+    name_width = max(len("layers"), *map(len, names))
+    number_width = max(len("pixels"), *(len(f"{count:,}") for count in pixels))
+    lines = [f"{'layers':>{name_width}}  {'pixels':>{number_width}}"]
+    for name, count in zip(names, pixels, strict=True):
+        bar = "#" * -(-count * HISTOGRAM_WIDTH // max(pixels))  # at least one, where there is any
+        lines.append(f"{name:>{name_width}}  {count:>{number_width},}  {bar}".rstrip())
+    return lines
+
+
+def _two_digits(seconds: float) -> str:
+    """Two digits that mean something, without an exponent: 0.0093, 0.12, 4.7, 31, 2500."""
+    if seconds <= 0:
+        return "0"
+    place = max(-math.floor(math.log10(seconds)) + 1, 0)
+    return f"{seconds:.{place}f}" if seconds < 100 else f"{round(seconds, -len(str(int(seconds))) + 2):.0f}"

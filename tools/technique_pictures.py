@@ -1,6 +1,7 @@
 """Every technique on one scene, the demo's, as docs/techniques.md shows them: python tools/technique_pictures.py.
 
-One picture for each of the registry, docs/techniques/NAME.png, and those of STOPPED, which peel less than there is.
+One picture for each of the registry, docs/techniques/NAME.png, and those of STOPPED, which peel less than there is; and
+docs/complexity/demo.png, how many layers it has.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ def main() -> None:
         result = renderer.render(camera, SIZE, technique, lighting="headlight", samples=SAMPLES, **options)
         result.save(FOLDER / f"{name}.png")
         print(f"{done}/{len(wanted)} {name}", file=sys.stderr)
+    found = clpeel.complexity(renderer.scene, camera, SIZE)
+    found.save(FOLDER.parent / "complexity" / "demo.png")
 
 
 if __name__ == "__main__":

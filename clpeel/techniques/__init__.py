@@ -34,6 +34,11 @@ PEELING = ("passes", "occlusion_query", "coincident", MAX_ERROR, LAYERS)
 """Options of all that peel until nothing is left (peel.py)."""
 
 
+def one_pass(layers: int, options: dict[str, Any]) -> int:
+    """However many layers there are."""
+    return 1
+
+
 @dataclass(frozen=True)
 class Technique:
     """How layers are found and blended.
@@ -41,7 +46,8 @@ class Technique:
     draw: (gpu, triangles, batch, target, capacity, report, **options) draws a batch of tiles with room for `capacity`
     fragments; buffer_bytes: (layers, options) tells what it keeps of a sample with so many layers; fragment_bytes: what
     it needs for each fragment besides the fragment. peeled: (**options) to how many transparent layers of a pixel, from
-    the front and from the back, it peels; None where it does not sort.
+    the front and from the back, it peels; None where it does not sort. passes_for: (layers, options) to the geometry
+    passes that a picture takes whose deepest pixel has so many transparent layers, as the paper counts them.
     """
 
     summary: str
@@ -55,6 +61,7 @@ class Technique:
     finish: Callable[..., Finished] | None = None
     """Of techniques with maps: (picture, triangles, background, **options) makes them of picture.values."""
     peeled: Callable[..., tuple[int, int]] | None = None
+    passes_for: Callable[[int, dict[str, Any]], int] = one_pass
 
 
 TECHNIQUES: dict[str, Technique] = {
@@ -75,6 +82,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=PEELING,
         peeled=depth_peeling.peeled,
+        passes_for=depth_peeling.passes_for,
     ),
     "dual-depth-peeling": Technique(
         dual_depth_peeling.SUMMARY,
@@ -84,6 +92,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=PEELING,
         peeled=dual_depth_peeling.peeled,
+        passes_for=dual_depth_peeling.passes_for,
     ),
     "multi-layer-peeling": Technique(
         multi_layer_peeling.SUMMARY,
@@ -92,6 +101,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=(*PEELING, "layers_per_pass", "hazard_window", "hazard_order", "torn_writes"),
         peeled=multi_layer_peeling.peeled,
+        passes_for=multi_layer_peeling.passes_for,
     ),
     "glowscript": Technique(
         glowscript.SUMMARY,
@@ -99,6 +109,7 @@ TECHNIQUES: dict[str, Technique] = {
         glowscript.buffer_bytes,
         options=("passes", "coincident", LAYERS),
         peeled=glowscript.peeled,
+        passes_for=glowscript.passes_for,
     ),
     "thickness": Technique(
         thickness.SUMMARY,

@@ -15,6 +15,11 @@ from clpeel.techniques import multi_layer_peeling
 SUMMARY = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
 
 
+def passes_for(layers: int, options: dict[str, Any]) -> int:
+    """N (Everitt 2001)."""
+    return layers
+
+
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     """Those of multi-layer peeling of one layer a pass."""
     return multi_layer_peeling.buffer_bytes(layers, {"layers_per_pass": 1})

@@ -16,6 +16,11 @@ FIRST_PASSES = 1
 """The first pass finds the outermost layers and peels none."""
 
 
+def passes_for(layers: int, options: dict[str, Any]) -> int:
+    """N / 2 + 1, (N + 1) / 2 + 1 where N is odd (Bavoil and Myers 2008)."""
+    return (layers + 1) // 2 + FIRST_PASSES
+
+
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     """Two min-max depth buffers, a front and a back colour; see Buffers in the kernel file."""
     return 4 * FRAGMENT_BYTES + 2 * COLOR_BYTES

@@ -18,6 +18,11 @@ SUMMARY = (
 MOST_PEELS = 4
 
 
+def passes_for(layers: int, options: dict[str, Any]) -> int:
+    """As many as are told: nothing tells it that fewer would do."""
+    return int(options.get("passes", MOST_PEELS))
+
+
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     """z_near, slot, whether there is more, and the peels' colours; see Buffers in the kernel file."""
     return 2 * FRAGMENT_BYTES + 4 + MOST_PEELS * COLOR_BYTES

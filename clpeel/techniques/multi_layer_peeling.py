@@ -39,6 +39,11 @@ def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int =
     return layers
 
 
+def passes_for(layers: int, options: dict[str, Any]) -> int:
+    """N / M, rounded up (Liu, Wei and Xu 2006)."""
+    return -(-layers // int(options.get("layers_per_pass", layers_per_pass())))
+
+
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     """z_near, a slot for each layer of a pass, whether there is more, the colour; see Buffers in the kernel file."""
     slots = options.get("layers_per_pass", layers_per_pass())

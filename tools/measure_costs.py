@@ -1,0 +1,194 @@
+"""What drawing costs, measured on this device: python tools/measure_costs.py [--device NAME] [--scenes FOLDER].
+
+Draws scenes of many kinds with every technique, and fits the numbers of clpeel/costs.py to the seconds by the device's
+clock: by least squares of relative errors, none below zero. Prints the table to be put there, and how far the estimates
+made of it are off: on the scenes of the fit, and on others, those of FOLDER/scenes.py, which take no part in it.
+Takes about three minutes on two processor cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import astuple, fields, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import clpeel
+from clpeel import costs
+from clpeel.demo import DIRECTION, ZOOM, demo_scene
+from clpeel.depth_complexity import Counted, count_layers, estimated_seconds, work_of
+from clpeel.projection import upload
+from clpeel.techniques import TECHNIQUES, Technique
+
+REPEATS = 8
+"""Frames of which the fastest counts, after one that warms up."""
+
+MOST_SECONDS = 0.8
+"""Of a scene with a technique: fewer repeats where it takes longer."""
+
+VIEW = clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), view_angle=30.0, clipping_range=(2.0, 6.0))
+AWAY = clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 8.0), clipping_range=(1.0, 2.0))
+SIZE = (800, 800)
+OTHERS_SIZE = (1024, 1024)
+OPAQUE_ROW = "OPAQUE"
+Row = tuple[tuple[float, ...], float, float]
+"""What was done, the seconds it took, and those of the whole frame."""
+
+
+def triangles(count: int, radius: float, seed: int, opaque: float = 0.0) -> clpeel.Scene:
+    """Random triangles within about 1 of the origin, a share of them opaque."""
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(-0.9, 0.9, (count, 1, 3)) + radius * rng.uniform(-1, 1, (count, 3, 3))
+    rgba = rng.integers(20, 236, (count, 4), dtype=np.uint8)
+    rgba[rng.random(count) < opaque, 3] = 255
+    return clpeel.Scene.from_arrays(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), face_colors=rgba)
+
+
+def calibration() -> Iterator[tuple[str, clpeel.Scene, clpeel.Camera]]:
+    """Scenes of the fit: from triangles smaller than a pixel to such that fill the picture, from few layers to many."""
+    for count, radius in ((600_000, 0.003), (150_000, 0.01), (20_000, 0.04), (2_000, 0.15), (300, 0.6), (40, 2.0)):
+        yield f"{count} of {radius}", triangles(count, radius, count), VIEW
+    for count, radius in ((40_000, 0.03), (100, 1.0)):
+        yield f"{count} of {radius}, some opaque", triangles(count, radius, count, 0.1), VIEW
+    for count, radius in ((300_000, 0.005), (20_000, 0.04), (100, 1.0)):
+        yield f"{count} of {radius}, all opaque", triangles(count, radius, count, 1.0), VIEW
+    yield "nothing in view", triangles(100, 0.1, 1), AWAY
+    demo = demo_scene()
+    yield "demo", demo, clpeel.Camera.frame(demo, DIRECTION).zoom(ZOOM)
+
+
+def others(folder: str) -> Iterator[tuple[str, clpeel.Scene, clpeel.Camera]]:
+    """The scenes of another benchmark, or none where the folder has none."""
+    path = Path(folder) / "scenes.py"
+    spec = importlib.util.spec_from_file_location("other_scenes", path) if path.is_file() else None
+    if spec is None or spec.loader is None:
+        return
+    os.environ.setdefault("MODELS", str(Path(folder).parent / "models"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    for name in ("dragon", "boxes", "grass", "spheres"):
+        vertices, faces, rgba = module.named(name)
+        yield name, clpeel.Scene.from_arrays(vertices, faces, face_colors=rgba), VIEW
+
+
+def measured(
+    renderer: clpeel.Renderer, camera: clpeel.Camera, size: tuple[int, int], name: str, lighting: str
+) -> tuple[float, float]:
+    """Seconds of the technique's own stage, and of all stages: the least of some frames."""
+    least = (np.inf, np.inf)
+    spent = 0.0
+    for repeat in range(REPEATS + 1):
+        stats = renderer.render(camera, size, name, lighting=lighting, keep_color=False).stats
+        seconds = dict(stats["seconds"])
+        spent += seconds.pop("total")
+        seconds.pop("host")
+        if repeat:
+            own = sum(value for stage, value in seconds.items() if stage not in ("projection", "binning"))
+            least = min(least[0], own), min(least[1], sum(seconds.values()))
+        if repeat and spent > MOST_SECONDS:
+            break
+    return least
+
+
+def counted_at_rest(renderer: clpeel.Renderer, camera: clpeel.Camera, size: tuple[int, int]) -> Counted:
+    """The counts, with the least seconds of some."""
+    scene = upload(renderer.gpu, renderer.scene)
+    tries = [count_layers(renderer.gpu, scene, camera, size, True) for _ in range(REPEATS + 1)]
+    setup = min(tried.setup_seconds for tried in tries[1:])
+    return replace(tries[-1], setup_seconds=setup, walk_seconds=min(tried.walk_seconds for tried in tries[1:]))
+
+
+def fitted(rows: list[Row]) -> NDArray[np.float64]:
+    """Costs, none below zero: work times costs is seconds, with the least squares of errors in shares of the frame."""
+    work = np.array([row for row, _, _ in rows]) * 1e-9
+    seconds, whole = (np.array([row[k] for row in rows]) for k in (1, 2))
+    scaled, wanted = work / whole[:, None], seconds / whole
+    best, found = np.inf, np.zeros(work.shape[1])
+    for chosen in range(1, 2 ** work.shape[1]):  # all sets of costs that are not zero: there are few
+        columns = [k for k in range(work.shape[1]) if chosen >> k & 1]
+        part, *_ = np.linalg.lstsq(scaled[:, columns], wanted, rcond=None)
+        error = float(((scaled[:, columns] @ part - wanted) ** 2).sum())
+        if (part >= 0).all() and error < best - 1e-9:
+            best = error
+            found = np.zeros(work.shape[1])
+            found[columns] = part
+    return found
+
+
+def off_by(estimates: list[float], truths: list[float]) -> str:
+    """By which factor estimates are off: half of them at most, and all."""
+    factors = np.exp(np.abs(np.log(np.array(estimates) / np.array(truths))))
+    return f"{np.median(factors):.2f}, {factors.max():.2f}"
+
+
+def main() -> None:
+    """Measures, fits, prints."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", help="number or part of a name, as 'clpeel devices' shows them")
+    parser.add_argument("--scenes", default=os.path.join(os.environ.get("CLPEEL_SHARED", ""), "bench"))
+    parser.add_argument(
+        "--fit", action=argparse.BooleanOptionalAction, default=True, help="or check the table there is"
+    )
+    options = parser.parse_args()
+    rows: dict[str, list[tuple[Counted, bool, Technique, float, float]]] = {}
+    counting: list[Row] = []
+    kept: list[tuple[str, str, bool, str, Counted, float]] = []  # the truths that estimates are to be beside
+    scenes = [("fit", *one) for one in calibration()] if options.fit else []
+    for group, label, scene, camera in [*scenes, *(("others", *one) for one in others(options.scenes))]:
+        renderer = clpeel.Renderer(scene, options.device)
+        for size in (SIZE if group == "fit" else OTHERS_SIZE,):
+            counted = counted_at_rest(renderer, camera, size)
+            if group == "fit":
+                walked = float(counted.records.sum()), float(counted.tiles[:, 5:7].sum()), counted.layers.size
+                counting.append((walked, counted.walk_seconds, counted.walk_seconds))
+            for lighting in ("none", "headlight"):
+                lit = lighting != "none"
+                for name, technique in TECHNIQUES.items():
+                    own, whole = measured(renderer, camera, size, name, lighting)
+                    nothing = counted.features.surfaces == "opaque" and not technique.maps
+                    if group == "fit":
+                        row = OPAQUE_ROW if nothing else name
+                        rows.setdefault(row, []).append((counted, lit, technique, own, whole))
+                    kept.append((group, name, lit, label, counted, whole))
+        print(f"{label} done", file=sys.stderr, flush=True)
+    if options.fit:
+        # What a walk is measured in comes first, as the work is told in it.
+        costs.RECORD, costs.VISIT, costs.PIXEL = (float(cost) for cost in fitted(counting))
+        print(f"RECORD, VISIT, PIXEL = {costs.RECORD:.3g}, {costs.VISIT:.3g}, {costs.PIXEL:.3g}")
+        table = {
+            name: fitted(
+                [(astuple(work_of(which, counted, lit)), own, whole) for counted, lit, which, own, whole in found]
+            )
+            for name, found in rows.items()
+        }
+        heads = [field.name for field in fields(costs.Cost)]
+        for name, found in table.items():
+            print(
+                f"{name:<20} Cost({', '.join(f'{head}={value:.3g}' for head, value in zip(heads, found, strict=True))})"
+            )
+        costs.OPAQUE.__dict__.update(costs.Cost(*table[OPAQUE_ROW]).__dict__)
+        costs.COSTS.update({name: costs.Cost(*found) for name, found in table.items() if name in TECHNIQUES})
+    print("\nestimates are off by a factor of (half of them at most, all): on the scenes of the fit, on others")
+    both = [(one, estimated_seconds(one[1], one[4], one[2]), one[5]) for one in kept]
+    for name in TECHNIQUES:
+        cells = []
+        for group in ("fit", "others"):
+            pairs = [(guess, truth) for one, guess, truth in both if one[:2] == (group, name) and guess is not None]
+            cells.append(off_by(*map(list, zip(*pairs, strict=True))) if pairs else "-")
+        print(f"{name:<20} {cells[0]:<12} {cells[1]}")
+    print("\nothers: estimated / measured seconds")
+    for (group, name, lit, label, counted, _), guess, truth in both:
+        if group == "others" and guess is not None:
+            height, width = counted.layers.shape
+            kind = f"{label:<8} {width:>4} x {height:<4} {'lit' if lit else 'flat':<4}"
+            print(f"{kind} {name:<20} {guess:.4f} / {truth:.4f} = {guess / truth:.2f}")
+
+
+if __name__ == "__main__":
+    main()
