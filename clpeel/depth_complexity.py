@@ -33,13 +33,12 @@ from clpeel.renderer import (
     Progress,
     Renderer,
     check_picture_fits,
-    checked_background,
     checked_size,
     parse_memory,
 )
 from clpeel.renderer import OPAQUE as OPAQUE_CHOICES
 from clpeel.scale_bar import draw_scale_bar
-from clpeel.scene import Scene
+from clpeel.scene import Scene, checked_background
 from clpeel.techniques import TECHNIQUES, Technique
 
 STAGE = "counting"
