@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from clpeel.camera import Camera as Camera
+    from clpeel.comparison import Comparison as Comparison
+    from clpeel.comparison import Interrupted as Interrupted
+    from clpeel.comparison import compare as compare
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
     from clpeel.errors import NoDeviceError as NoDeviceError
@@ -24,12 +27,15 @@ __version__ = "0.1.0"
 _HOMES = {
     "Camera": "clpeel.camera",
     "ClpeelError": "clpeel.errors",
+    "Comparison": "clpeel.comparison",
     "InputError": "clpeel.errors",
+    "Interrupted": "clpeel.comparison",
     "Layers": "clpeel.layers",
     "NoDeviceError": "clpeel.errors",
     "Renderer": "clpeel.renderer",
     "Result": "clpeel.renderer",
     "Scene": "clpeel.scene",
+    "compare": "clpeel.comparison",
     "load": "clpeel.loading",
     "load_layers": "clpeel.layers",
     "render": "clpeel.renderer",

@@ -30,6 +30,11 @@ Peel mesh files, front to back: a numbered PNG for each layer, each alone over t
 the colours, depths and triangles of all, which clpeel.load_layers reads. PNGs of an earlier run are replaced.
 """
 
+COMPARE = """\
+Draw mesh files by every technique and set the pictures beside what blending the same fragments in float64 gives, and
+the times beside each other. Ctrl-C ends it with the rows that are finished.
+"""
+
 
 # --- values of options ------------------------------------------------------------------------------------------------
 
@@ -161,6 +166,17 @@ def _count(text: str) -> int:
     return value
 
 
+def _counts(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(_count(part) for part in text.split(","))
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"expected whole numbers of 1 or more, such as 1,2,4, got '{text}'") from None
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(","))
+
+
 # --- the parser -------------------------------------------------------------------------------------------------------
 
 
@@ -192,7 +208,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         wrong = re.match(r"argument (?:COMMAND|command): invalid choice: '([^']*)'", message)
         if wrong:
-            message = f"expected a command (render, layers, demo, techniques, devices or report), got '{wrong[1]}'"
+            message = f"expected a command (render, layers, compare, demo, techniques, devices or report), got '{wrong[1]}'"
             if "." in wrong[1]:
                 message += f"; to make a picture of a file: clpeel render {wrong[1]}"
         message = re.sub(r"^argument (--[\w-]+)(?:/-\w)?", r"\1", message)
@@ -202,6 +218,8 @@ class Parser(argparse.ArgumentParser):
 
             close = difflib.get_close_matches(unknown[1], sorted(self.known), n=1)
             message = f"unknown option {unknown[1]}" + (f"; did you mean {close[0]}?" if close else "")
+            if unknown[1] in self.known:
+                message = f"this command has no option {unknown[1]}"
         print(f"clpeel: error: {message} (see {self.prog} --help)", file=sys.stderr)
         raise SystemExit(InputError.exit_code)
 
@@ -242,7 +260,20 @@ def _add_layers_options(parser: argparse.ArgumentParser) -> None:
 def _add_view_options(
     parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int
 ) -> None:
-    """What all commands that render share; `group` gets those of the picture."""
+    """What all commands that render one picture share; `group` gets those of the picture."""
+    _add_scene_options(group, resolution)
+    group.add_argument("--no-background", action="store_true", help="write a transparent background (straight alpha)")
+    _add_camera_options(parser)
+    _add_method_options(parser, samples)
+    group = parser.add_argument_group("messages")
+    group.add_argument(
+        "--stats", metavar="FILE.json", help="print times, passes, fragments and bytes, or write them to a file"
+    )
+    _add_message_options(group)
+
+
+def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
+    """How large the picture is, and what it is of."""
     add = group.add_argument
     add(
         "--resolution",
@@ -258,13 +289,13 @@ def _add_view_options(
         metavar="COLOR",
         help="R,G,B in 0..1, #rrggbb or a name (default: white)",
     )
-    add("--no-background", action="store_true", help="write a transparent background (straight alpha)")
     add("--opacity", type=_opacity, metavar="0..1", help="opacity of every surface, in place of the file's")
     add("--color", type=_color, metavar="COLOR", help="colour of every surface, in place of the file's")
     add("--unlit", action="store_true", help="the colours as given (default: a light at the camera)")
 
-    group = parser.add_argument_group("camera")
-    add = group.add_argument
+
+def _add_camera_options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument_group("camera").add_argument
     add("--camera-position", type=_vector, metavar="X,Y,Z", help="where the camera stands (default: all in view)")
     add("--camera-focal-point", type=_vector, metavar="X,Y,Z", help="what it looks at (default: the scene's centre)")
     add("--camera-view-up", type=_direction, metavar="X,Y,Z", help="what is up in the picture (default: --up)")
@@ -282,13 +313,16 @@ def _add_view_options(
     add("--up", type=_direction, metavar="AXIS", help="the scene's up, an axis or X,Y,Z (default: +Y)")
     add("--clipping-range", type=_range, metavar="NEAR,FAR", help="distances that are drawn (default: all)")
 
+
+def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
+    """The technique and what it is told, and the device."""
     group = parser.add_argument_group("method")
     add = group.add_argument
     add("--technique", default="sort", metavar="NAME", help="default: sort, exact; 'clpeel techniques' lists them")
     add("--passes", type=_count, metavar="N", help="peel so many times and stop, where the technique peels")
     add("--no-occlusion-query", action="store_true", help="make all --passes, whether they find anything or not")
     add("--coincident", metavar="keep|paper", help="of equal depths keep all fragments, or the first alone")
-    add("--opaque", metavar="first|blend", help="draw opaque surfaces first (default), or blend them as any other")
+    _add_opaque_option(group)
     add("--hazard-window", type=_count, metavar="N", help="multi-layer-peeling: so many concurrent writes, simulated")
     add("--hazard-order", metavar="nearest-last|arrival", help="multi-layer-peeling: in which these writes land")
     add("--torn-writes", action="store_true", help="multi-layer-peeling: of two that meet each commits half")
@@ -321,6 +355,17 @@ def _add_view_options(
         metavar="N",
         help=f"samples a pixel, averaged for smooth edges: 1, 4, 16, 64 or 256 (default: {samples})",
     )
+    _add_device_options(group)
+
+
+def _add_opaque_option(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--opaque", metavar="first|blend", help="draw opaque surfaces first (default), or blend them as any other"
+    )
+
+
+def _add_device_options(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
     add("--memory", metavar="SIZE", help="device memory to use, such as 512M or 2G (default: a share of the device's)")
     add("--device", metavar="DEVICE", help="number, or part of a name, as 'clpeel devices' shows them")
     add(
@@ -330,12 +375,40 @@ def _add_view_options(
         help="work-items a tile: 1, 16, 32, 64 or 128 (default: 1 on a CPU, else 64)",
     )
 
-    group = parser.add_argument_group("messages")
+
+def _add_message_options(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add("--stats", metavar="FILE.json", help="print times, passes, fragments and bytes, or write them to a file")
     add("--no-progress", action="store_true", help="no progress bar (it shows on a terminal, on long work)")
     add("--quiet", action="store_true", help="print errors only")
     add("--verbose", action="store_true", help="say what is done; on an error, show the whole trace")
+
+
+def _add_compare_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `compare`: the scene, the camera and the device as of `render`, and what is compared."""
+    group = parser.add_argument_group("comparison")
+    add = group.add_argument
+    add("--techniques", type=_names, metavar="NAME,...", help="only these (default: all that make this picture)")
+    add("--precisions", type=_names, metavar="NAME,...", help="of those that sum without sorting (default: all)")
+    add(
+        "--budgets",
+        type=_counts,
+        default=(),
+        metavar="N,...",
+        help="passes to stop after, of those that peel, such as 1,2,4 (default: none, beside no limit)",
+    )
+    add("--frames", type=_count, default=5, metavar="N", help="timed of each, after one that is not (default: 5)")
+    group = parser.add_argument_group("output, besides the table on standard output")
+    add = group.add_argument
+    add("--json", metavar="FILE", help="write all figures, and each frame's time, or - for standard output")
+    add("--csv", metavar="FILE", help="write a line of figures for each row")
+    add("--html", metavar="FILE", help="write a page with the pictures, maps of errors, and time against error")
+    group = parser.add_argument_group("picture")
+    _add_scene_options(group, "1024,1024")
+    _add_camera_options(parser)
+    group = parser.add_argument_group("method")
+    _add_opaque_option(group)
+    _add_device_options(group)
+    _add_message_options(parser.add_argument_group("messages"))
 
 
 def make_parser() -> Parser:
@@ -369,6 +442,15 @@ def make_parser() -> Parser:
     )
     layers.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are peeled together")
     _add_layers_options(layers)
+
+    compare = commands.add_parser(
+        "compare",
+        help="compare the techniques: time, memory, and error against float64",
+        usage="clpeel compare FILE... [--html FILE] [options]",
+        description=COMPARE,
+    )
+    compare.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are drawn together")
+    _add_compare_options(compare)
 
     demo = commands.add_parser(
         "demo",
