@@ -208,7 +208,9 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         wrong = re.match(r"argument (?:COMMAND|command): invalid choice: '([^']*)'", message)
         if wrong:
-            message = f"expected a command (render, layers, compare, demo, techniques, devices or report), got '{wrong[1]}'"
+            message = (
+                f"expected a command (render, layers, compare, demo, techniques, devices or report), got '{wrong[1]}'"
+            )
             if "." in wrong[1]:
                 message += f"; to make a picture of a file: clpeel render {wrong[1]}"
         message = re.sub(r"^argument (--[\w-]+)(?:/-\w)?", r"\1", message)

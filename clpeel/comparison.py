@@ -164,9 +164,7 @@ class Comparison:
 
         By median time and RMS error; errors within `rounding` are all taken for none.
         """
-        weighed = [
-            (row.seconds_median, 0.0 if row.max_error <= self.rounding else row.rms_error) for row in self.rows
-        ]
+        weighed = [(row.seconds_median, 0.0 if row.max_error <= self.rounding else row.rms_error) for row in self.rows]
         return [
             not any(other[0] <= mine[0] and other[1] <= mine[1] and other != mine for other in weighed)
             for mine in weighed
@@ -210,7 +208,7 @@ class Comparison:
         ]
 
     def to_json(self) -> str:
-        """`facts`, and of each row its figures, `on_front` and the `seconds` of each frame; infinite numbers as null."""
+        """`facts`, and of each row its figures, `on_front` and the `seconds` of each frame; an infinite psnr is null."""
         rows = [
             {**row.figures(), "on_front": on, "seconds": list(row.seconds)}
             for row, on in zip(self.rows, self.front(), strict=True)
@@ -327,7 +325,9 @@ def flip_error(truth: NDArray[np.uint8], image: NDArray[np.uint8]) -> float | No
         return None
     if (truth == image).all():
         return 0.0
-    reference, test = (np.ascontiguousarray(picture[..., :3], np.float32) / np.float32(255) for picture in (truth, image))
+    reference, test = (
+        np.ascontiguousarray(picture[..., :3], np.float32) / np.float32(255) for picture in (truth, image)
+    )
     return float(evaluate(reference, test, "LDR", applyMagma=False)[1])
 
 
@@ -368,9 +368,7 @@ def _chosen(name: str, values: Iterable[Any] | None, known: Sequence[Any]) -> li
     return [value for value in known if value in asked]
 
 
-def check_choice(
-    techniques: Iterable[str] | None, precisions: Iterable[str] | None
-) -> tuple[list[str], list[str]]:
+def check_choice(techniques: Iterable[str] | None, precisions: Iterable[str] | None) -> tuple[list[str], list[str]]:
     """Those that `compare` takes of each, in the registry's order. Raises InputError where there is no such."""
     comparable = [name for name, made in TECHNIQUES.items() if not made.maps]
     return _chosen("techniques", techniques, comparable), _chosen("precisions", precisions, PRECISIONS)
