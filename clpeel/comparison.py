@@ -208,7 +208,7 @@ class Comparison:
         ]
 
     def to_json(self) -> str:
-        """`facts`, and of each row its figures, `on_front` and the `seconds` of each frame; an infinite psnr is null."""
+        """`facts`, and of each row its figures, `on_front` and the `seconds` of each frame; infinite ones are null."""
         rows = [
             {**row.figures(), "on_front": on, "seconds": list(row.seconds)}
             for row, on in zip(self.rows, self.front(), strict=True)
