@@ -48,7 +48,8 @@ th:first-child, td:first-child { text-align: left; position: sticky; left: 0; ba
 thead th { color: var(--soft); font-weight: 600; }
 tbody th { font-weight: 400; }
 .on th { font-weight: 600; color: var(--front); }
-.cards { display: grid; align-items: start; grid-template-columns: repeat(auto-fill, minmax(min(100%, 30rem), 1fr)); gap: 1.25rem; }
+.cards { display: grid; align-items: start;
+  grid-template-columns: repeat(auto-fill, minmax(min(100%, 30rem), 1fr)); gap: 1.25rem; }
 figure { margin: 0; padding: .75rem; background: var(--tint); border-radius: .5rem; }
 figure div { display: grid; grid-template-columns: 1fr 1fr; gap: .5rem; }
 figure.truth div { grid-template-columns: 1fr; }

@@ -10,6 +10,7 @@ import math
 import os
 import re
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -157,6 +158,35 @@ def test_errors_are_what_the_pictures_say(soup: soups.Soup, compared: Comparison
             assert row.budget or row.truncation_bound == 0
     assert {row.exact for row in compared.rows if row.max_error <= compared.rounding} == {True}
     assert any(row.truncation_bound > 0.1 for row in compared.rows)
+
+
+@pytest.mark.parametrize("name", ["boxes", "dragon_vrip_res3.ply.gz", "AlphaBlendModeTest.glb"])
+def test_float64_from_the_mesh_on_says_the_same(
+    name: str, bench: Callable[..., soups.Soup], model: Callable[[str], Path], judge: Judge
+) -> None:
+    """Errors once more without clpeel: the twin's own fragments, blended in order, averaged and summed in float64."""
+    scene = bench("boxes", n=5).scene() if name == "boxes" else clpeel.load(model(name), opacity=0.5)
+    size, camera = (80, 60), clpeel.Camera.frame(scene, direction=(-0.3, -0.2, -1), aspect=80 / 60)
+    techniques = ["weighted-average", "weighted-sum"]
+    comparison = clpeel.compare(scene, camera, size, techniques, ["float32"], frames=1, pictures=True)
+    twin, excused, _ = judge.weigh(scene, camera, size)
+    weights = reference.barycentric(twin.projected, twin.triangle, *reference.samples(twin.pixel, size))
+    color = reference.blend(weights, twin.projected.colors[twin.triangle])
+    sums = np.zeros((80 * 60, 4))
+    np.add.at(sums, twin.pixel, color * [1, 1, 1, 0] * color[:, 3:] + color * [0, 0, 0, 1])
+    sums = sums.reshape(60, 80, 4)
+    alphas, layers = sums[..., 3:], np.maximum(twin.layers, 1)[..., None]
+    through = (1 - alphas / layers) ** layers
+    averaged = sums[..., :3] / np.where(alphas > 0, alphas, 1) * (1 - through) + through
+    summed = np.clip(sums[..., :3] + 1 - alphas, 0, 1)
+    right = twin.color[..., :3] + 1 - twin.color[..., 3:]
+    assert excused.mean() < 0.1 and twin.layers.max() > 3
+    for row, shown in zip(comparison.rows, (averaged, summed), strict=True):
+        error = np.abs(shown - right).max(axis=2)
+        assert np.abs(row.error - error)[~excused].max() < 1e-5
+        for share, steps in ((row.share_above_1, 1), (row.share_above_8, 8)):
+            assert abs(share - np.mean(error > steps * STEP)) <= excused.mean()
+    assert comparison.rows[1].share_above_8 > 0
 
 
 def test_rows_are_the_registry_times_what_was_asked(compared: Comparison) -> None:
@@ -437,7 +467,16 @@ def words(capfd: Any) -> tuple[list[str], list[str]]:
 
 def test_the_command_prints_and_writes(mesh: Path, tmp_path: Path, capfd: Any) -> None:
     files = {kind: tmp_path / f"out.{kind}" for kind in ("json", "csv", "html")}
-    assert command(mesh, "--budgets=1", "--unlit", "--techniques=sort,depth-peeling", *(f"--{kind}={path}" for kind, path in files.items())) == 0
+    assert (
+        command(
+            mesh,
+            "--budgets=1",
+            "--unlit",
+            "--techniques=sort,depth-peeling",
+            *(f"--{kind}={path}" for kind, path in files.items()),
+        )
+        == 0
+    )
     out, err = words(capfd)
     found = json.loads(files["json"].read_text())
     assert found["lighting"] == "none" and found["size"] == [20, 16] and found["triangles"] == 4
