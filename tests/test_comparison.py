@@ -480,7 +480,7 @@ def test_the_command_prints_and_writes(mesh: Path, tmp_path: Path, capfd: Any) -
     out, err = words(capfd)
     found = json.loads(files["json"].read_text())
     assert found["lighting"] == "none" and found["size"] == [20, 16] and found["triangles"] == 4
-    assert len(out) == 1 + len(found["rows"]) + 1 + 4 and "depth-peeling, passes 1" in "".join(out)
+    assert len(out) == 1 + len(found["rows"]) + 1 + 3 and "depth-peeling, passes 1" in "".join(out)
     assert len(list(csv.reader(files["csv"].open()))) == 1 + len(found["rows"])
     assert "<h1>squares.off</h1>" in files["html"].read_text()
     assert err == [f"clpeel: wrote {path}" for path in files.values()]
