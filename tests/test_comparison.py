@@ -32,6 +32,7 @@ from clpeel.comparison import COLUMNS, FIGURES, FLIP_HINT, STEP, Comparison, Row
 from clpeel.comparison_page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
 from clpeel.renderer import Renderer
 from clpeel.techniques import TECHNIQUES
+from clpeel.techniques.weighted_sum import PRECISIONS
 
 if TYPE_CHECKING:
     from conftest import Judge
@@ -193,7 +194,7 @@ def test_rows_are_the_registry_times_what_was_asked(compared: Comparison) -> Non
     want = []
     for name in PICTURES:
         options = TECHNIQUES[name].options
-        for precision in ["float32", "half"] if "precision" in options else [None]:
+        for precision in PRECISIONS if "precision" in options else [None]:
             want += [(name, precision, budget) for budget in ([None, 1, 2] if "passes" in options else [None])]
     assert [(row.technique, row.precision, row.budget) for row in compared.rows] == want
     assert "thickness" in compared.notes[0] and len(compared.notes) == 1
@@ -292,7 +293,7 @@ def test_without_flip_evaluator(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"techniques": ["no-such"]}, "techniques: expected some of sort, "),
         ({"techniques": "thickness"}, "got 'thickness'"),
         ({"techniques": []}, "techniques: expected at least one"),
-        ({"precisions": ["double"]}, "precisions: expected some of float32, half; got 'double'"),
+        ({"precisions": ["no-such"]}, f"precisions: expected some of {', '.join(PRECISIONS)}; got 'no-such'"),
         ({"budgets": [0]}, "budgets: expected 1..1048576, got 0"),
         ({"frames": 0}, "frames: expected 1..10000, got 0"),
         ({"background": None}, "background: expected 3 numbers 0..1, as errors"),
@@ -551,7 +552,7 @@ def test_the_command_interrupted_at_once(
         (["--json=-", "--csv=-"], "expected one of --json, --csv and --html on standard output"),
         (["--json=x", "--csv=x"], "expected files of their own"),
         (["--techniques=no-such"], "techniques: expected some of"),
-        (["--precisions=double"], "precisions: expected some of float32, half; got 'double'"),
+        (["--precisions=no-such"], "precisions: expected some of float32, half"),
         (["--budgets=1,0"], "--budgets: expected whole numbers of 1 or more, such as 1,2,4, got '1,0'"),
         (["--frames=0"], "--frames: expected a whole number of 1 or more"),
         (["--samples=4"], "this command has no option --samples"),
