@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from clpeel.camera import Camera as Camera
+    from clpeel.comparison import Comparison as Comparison
+    from clpeel.comparison import Interrupted as Interrupted
+    from clpeel.comparison import compare as compare
     from clpeel.depth_complexity import Complexity as Complexity
     from clpeel.depth_complexity import complexity as complexity
     from clpeel.errors import ClpeelError as ClpeelError
@@ -26,13 +29,16 @@ __version__ = "0.1.0"
 _HOMES = {
     "Camera": "clpeel.camera",
     "ClpeelError": "clpeel.errors",
+    "Comparison": "clpeel.comparison",
     "Complexity": "clpeel.depth_complexity",
     "InputError": "clpeel.errors",
+    "Interrupted": "clpeel.comparison",
     "Layers": "clpeel.layers",
     "NoDeviceError": "clpeel.errors",
     "Renderer": "clpeel.renderer",
     "Result": "clpeel.renderer",
     "Scene": "clpeel.scene",
+    "compare": "clpeel.comparison",
     "complexity": "clpeel.depth_complexity",
     "load": "clpeel.loading",
     "load_layers": "clpeel.layers",

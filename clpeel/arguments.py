@@ -35,6 +35,11 @@ Count the layers of every pixel before paying for a picture: a heat map with its
 each technique would need: geometry passes, bytes a pixel and, roughly, seconds. Nothing is sorted, shaded or kept.
 """
 
+COMPARE = """\
+Draw mesh files by every technique and set the pictures beside what blending the same fragments in float64 gives, and
+the times beside each other. Ctrl-C ends it with the rows that are finished.
+"""
+
 
 # --- values of options ------------------------------------------------------------------------------------------------
 
@@ -166,6 +171,17 @@ def _count(text: str) -> int:
     return value
 
 
+def _counts(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(_count(part) for part in text.split(","))
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"expected whole numbers of 1 or more, such as 1,2,4, got '{text}'") from None
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(","))
+
+
 # --- the parser -------------------------------------------------------------------------------------------------------
 
 
@@ -197,7 +213,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         wrong = re.match(r"argument (?:COMMAND|command): invalid choice: '([^']*)'", message)
         if wrong:
-            message = "expected a command (render, layers, complexity, demo, techniques, devices or report)"
+            message = "expected a command (render, layers, compare, complexity, demo, techniques, devices or report)"
             message += f", got '{wrong[1]}'"
             if "." in wrong[1]:
                 message += f"; to make a picture of a file: clpeel render {wrong[1]}"
@@ -208,6 +224,8 @@ class Parser(argparse.ArgumentParser):
 
             close = difflib.get_close_matches(unknown[1], sorted(self.known), n=1)
             message = f"unknown option {unknown[1]}" + (f"; did you mean {close[0]}?" if close else "")
+            if unknown[1] in self.known:
+                message = f"this command has no option {unknown[1]}"
         print(f"clpeel: error: {message} (see {self.prog} --help)", file=sys.stderr)
         raise SystemExit(InputError.exit_code)
 
@@ -248,14 +266,20 @@ def _add_layers_options(parser: argparse.ArgumentParser) -> None:
 def _add_view_options(
     parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int
 ) -> None:
-    """What all commands that render share; `group` gets those of the picture."""
+    """What all commands that render one picture share; `group` gets those of the picture."""
     _add_scene_options(group, resolution)
+    group.add_argument("--no-background", action="store_true", help="write a transparent background (straight alpha)")
     _add_camera_options(parser)
     _add_method_options(parser, samples)
+    group = parser.add_argument_group("messages")
+    group.add_argument(
+        "--stats", metavar="FILE.json", help="print times, passes, fragments and bytes, or write them to a file"
+    )
+    _add_messages_options(group)
 
 
 def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
-    """The picture's size, what is behind the scene, and its colours."""
+    """How large the picture is, and what it is of."""
     add = group.add_argument
     add(
         "--resolution",
@@ -271,7 +295,6 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
         metavar="COLOR",
         help="R,G,B in 0..1, #rrggbb or a name (default: white)",
     )
-    add("--no-background", action="store_true", help="write a transparent background (straight alpha)")
     add("--opacity", type=_opacity, metavar="0..1", help="opacity of every surface, in place of the file's")
     add("--color", type=_color, metavar="COLOR", help="colour of every surface, in place of the file's")
     add("--unlit", action="store_true", help="the colours as given (default: a light at the camera)")
@@ -313,7 +336,7 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
         metavar="0..1",
         help="leave out layers that cannot change a channel by more; 0 is exact",
     )
-    add("--opaque", metavar="first|blend", help="draw opaque surfaces first (default), or blend them as any other")
+    _add_opaque_option(group)
     add("--hazard-window", type=_count, metavar="N", help="multi-layer-peeling: so many concurrent writes, simulated")
     add("--hazard-order", metavar="nearest-last|arrival", help="multi-layer-peeling: in which these writes land")
     add("--torn-writes", action="store_true", help="multi-layer-peeling: of two that meet each commits half")
@@ -348,10 +371,11 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
     )
     _add_device_options(group)
 
-    group = parser.add_argument_group("messages")
-    add = group.add_argument
-    add("--stats", metavar="FILE.json", help="print times, passes, fragments and bytes, or write them to a file")
-    _add_messages_options(group)
+
+def _add_opaque_option(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--opaque", metavar="first|blend", help="draw opaque surfaces first (default), or blend them as any other"
+    )
 
 
 def _add_device_options(group: argparse._ArgumentGroup) -> None:
@@ -382,10 +406,39 @@ def _add_complexity_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--json", metavar="FILE", help="write the figures, too")
     group.add_argument("--no-scale-bar", action="store_true", help="no scale bar in the heat map")
     _add_scene_options(group, "1024,1024")
+    group.add_argument("--no-background", action="store_true", help="write a transparent background (straight alpha)")
     _add_camera_options(parser)
     group = parser.add_argument_group("method")
     text = "count what is in front of opaque surfaces alone (default), or all"
     group.add_argument("--opaque", metavar="first|blend", default="first", help=text)
+    _add_device_options(group)
+    _add_messages_options(parser.add_argument_group("messages"))
+
+
+def _add_compare_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `compare`: the scene, the camera and the device as of `render`, and what is compared."""
+    group = parser.add_argument_group("comparison")
+    add = group.add_argument
+    add("--techniques", type=_names, metavar="NAME,...", help="only these (default: all that make this picture)")
+    add("--precisions", type=_names, metavar="NAME,...", help="of those that sum without sorting (default: all)")
+    add(
+        "--budgets",
+        type=_counts,
+        default=(),
+        metavar="N,...",
+        help="passes to stop after, of those that peel, such as 1,2,4 (default: none, beside no limit)",
+    )
+    add("--frames", type=_count, default=5, metavar="N", help="timed of each, after one that is not (default: 5)")
+    group = parser.add_argument_group("output, besides the table on standard output")
+    add = group.add_argument
+    add("--json", metavar="FILE", help="write all figures, and each frame's time, or - for standard output")
+    add("--csv", metavar="FILE", help="write a line of figures for each row")
+    add("--html", metavar="FILE", help="write a page with the pictures, maps of errors, and time against error")
+    group = parser.add_argument_group("picture")
+    _add_scene_options(group, "1024,1024")
+    _add_camera_options(parser)
+    group = parser.add_argument_group("method")
+    _add_opaque_option(group)
     _add_device_options(group)
     _add_messages_options(parser.add_argument_group("messages"))
 
@@ -430,6 +483,15 @@ def make_parser() -> Parser:
     )
     complexity.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are counted together")
     _add_complexity_options(complexity)
+
+    compare = commands.add_parser(
+        "compare",
+        help="compare the techniques: time, memory, and error against float64",
+        usage="clpeel compare FILE... [--html FILE] [options]",
+        description=COMPARE,
+    )
+    compare.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are drawn together")
+    _add_compare_options(compare)
 
     demo = commands.add_parser(
         "demo",

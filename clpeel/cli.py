@@ -390,6 +390,74 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
+# --- compare ----------------------------------------------------------------------------------------------------------
+
+
+def _run_compare(options: argparse.Namespace) -> int:
+    """Load, compare, print and write; interrupted, what is finished."""
+    if not options.verbose:
+        _quiet_libraries()
+    files = {name: path for name in ("json", "csv", "html") if (path := getattr(options, name)) is not None}
+    if list(files.values()).count("-") > 1:
+        raise InputError("-: expected one of --json, --csv and --html on standard output, got several")
+    files = {name: check_writable(path, f"--{name}") for name, path in files.items()}
+    if len(set(files.values())) < len(files):
+        raise InputError("--json, --csv, --html: expected files of their own, got the same twice")
+
+    import clpeel
+    from clpeel.comparison import check_choice
+    from clpeel.device import choose
+    from clpeel.renderer import parse_memory
+
+    check_choice(options.techniques, options.precisions)
+    if options.memory is not None:
+        parse_memory(options.memory)
+    choose(options.device)
+
+    load, name = _load_files(options)
+    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    progress(0.0, f"reading {name}")
+    code = 0
+    try:
+        scene = load()
+        progress.clear()
+        if not options.quiet:
+            for note in scene.notes:
+                _say(f"note: {note}")
+        progress(0.0, "comparing")
+        comparison = clpeel.compare(
+            scene,
+            make_camera(options, scene),
+            size=options.resolution,
+            techniques=options.techniques,
+            precisions=options.precisions,
+            budgets=options.budgets,
+            frames=options.frames,
+            background=options.background_color,
+            lighting="none" if options.unlit else "headlight",
+            opaque=options.opaque or "first",
+            memory=options.memory,
+            device=options.device,
+            lanes=options.lanes,
+            pictures="html" in files,
+            progress=progress if progress.enabled else None,
+        )
+    except clpeel.Interrupted as interrupted:
+        comparison, code = interrupted.comparison, EXIT_INTERRUPTED
+    finally:
+        progress.clear()
+    if not options.quiet or not files:
+        print(comparison.table(), file=sys.stderr if "-" in files.values() else sys.stdout, flush=True)
+    for kind, path in files.items():
+        text = comparison.to_html(name) if kind == "html" else getattr(comparison, f"to_{kind}")()
+        _write(path, text.encode())
+        if not options.quiet and path != "-":
+            _say(f"wrote {getattr(options, kind)}")
+    if code:
+        _say("interrupted")
+    return code
+
+
 # --- complexity ------------------------------------------------------------------------------------------------------
 
 
@@ -482,6 +550,7 @@ def _run_report(options: argparse.Namespace) -> int:
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "render": _run_render,
     "layers": _run_layers,
+    "compare": _run_compare,
     "complexity": _run_complexity,
     "demo": _run_demo,
     "techniques": _run_techniques,

@@ -93,7 +93,15 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], ["render", "--help"], ["layers", "--help"], [], ["render", "a.ply", "--resolution=0,0"]]
+    "arguments",
+    [
+        ["--help"],
+        ["render", "--help"],
+        ["layers", "--help"],
+        ["compare", "--help"],
+        [],
+        ["render", "a.ply", "--resolution=0,0"],
+    ],
 )
 def test_answers_without_heavy_imports(arguments: list[str]) -> None:
     code = (
