@@ -5,6 +5,10 @@
 // ALL_OPAQUE: the scene has nothing transparent, and its records, which are all of it, do not say so.
 #include "opaque.h"
 
+#ifndef ALL_OPAQUE
+#define ALL_OPAQUE 0
+#endif
+
 // layers: of each pixel of the image, rows from the top, the fragments in front of what is opaque there, and IS_OPAQUE where
 // anything is. tile_totals: of each tile fragments, those of its deepest pixel, samples with an opaque surface; fragments of
 // all surfaces, whatever lies in front, and those of the deepest pixel; strips visited of transparent records and of opaque
