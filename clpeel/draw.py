@@ -40,7 +40,8 @@ class Drawn:
     samples_passed: of each pass that was issued; truncated_pixels: those with layers that no pass reached, and hidden:
     the greatest transmittance of these, which bounds what those layers could have changed in any channel;
     opaque_samples: those with an opaque surface, behind which there are no fragments;
-    pass_ticks, ticks: of each pass and of everything, by the device's own count, or 0 where it has none.
+    pass_ticks, ticks: of each pass and of everything, by the device's own count, or 0 where it has none; pass_keys: of
+    each pass, where passes are repeated.
     """
 
     fragments: int
@@ -51,6 +52,12 @@ class Drawn:
     opaque_samples: int = 0
     pass_ticks: tuple[int, ...] = ()
     ticks: int = 0
+    pass_keys: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def keys(self) -> tuple[tuple[int, int], ...]:
+        """Which passes of the picture those of the batch are: the peel, and how often it has been repeated."""
+        return self.pass_keys or tuple((number, 0) for number in range(len(self.samples_passed)))
 
 
 def draw_tiles(

@@ -108,6 +108,7 @@ def peel(
     totals = gpu.get(tile_totals, (batch.tiles, TILE_TOTALS), np.uint32)
     measured = gpu.get(pass_totals, (most_passes + 1, 2), np.uint64)  # low words first
     ticks = int(measured[-1, 0])
+    pass_keys: tuple[tuple[int, int], ...] = ()
     if layers_a_pass is None:
         measured = measured[: int(totals[:, 2].max())]
     else:
@@ -117,12 +118,14 @@ def peel(
         found = (measured[..., 0] > 0).sum(axis=1)
         peels = range(int(np.argmin(found)) + 1)
         measured = np.concatenate([measured[peel, : found[peel] + 1] for peel in peels])
+        pass_keys = tuple((peel, repeat) for peel in peels for repeat in range(found[peel] + 1))
     return Drawn(
         fragments=int(totals[:, 0].sum(dtype=np.int64)),
         layers_max=int(totals[:, 1].max()),
         samples_passed=tuple(measured[:, 0].tolist()),
         pass_ticks=tuple(measured[:, 1].tolist()),
         ticks=ticks,
+        pass_keys=pass_keys,
         truncated_pixels=int(totals[:, 3].sum(dtype=np.int64)),
         hidden=float(totals[:, 4].max().view(np.float32)),
         opaque_samples=int(totals[:, 5].sum(dtype=np.int64)),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -241,7 +241,7 @@ class Renderer:
         if picture.values is not None:
             buffers["values"] = picture.values.nbytes
         pixels = size[0] * size[1]
-        samples_passed = sums(drawn.samples_passed for drawn in found)
+        samples_passed = sums((drawn.keys, drawn.samples_passed) for drawn in found)
         mixed = triangles.features.surfaces == "mixed"
         stats: dict[str, Any] = {
             "technique": technique,
@@ -331,18 +331,22 @@ def with_error_bound(picture: Picture, layers: int) -> Finished:
     return Finished(picture.image, picture.color, {ERROR_BOUND: np.minimum(hidden + rounding, np.float32(1))}, stats)
 
 
-def sums(parts: Iterable[tuple[int, ...]]) -> list[int]:
-    """Sums of the first, second, ... number of each part; of those that have one."""
-    return [sum(numbers) for numbers in zip_longest(*parts, fillvalue=0)]
+def sums(parts: Iterable[tuple[tuple[tuple[int, int], ...], tuple[int, ...]]]) -> list[int]:
+    """Sums of the parts' numbers, key by key, in the order of the keys: a part may lack some."""
+    found: Counter[tuple[int, int]] = Counter()
+    for keys, numbers in parts:
+        for key, number in zip(keys, numbers, strict=True):
+            found[key] += number
+    return [found[key] for key in sorted(found)]
 
 
 def seconds_per_pass(seconds: float, found: Sequence[Drawn]) -> list[float]:
     """What each geometry pass took of the technique's seconds; the rest is composition, and opaque surfaces."""
-    issued = max(len(drawn.samples_passed) for drawn in found)
+    issued = len({key for drawn in found for key in drawn.keys})
     ticks = sum(drawn.ticks for drawn in found)
     if ticks == 0 or issued == 0:
         return [seconds / max(issued, 1)] * issued
-    return [seconds * part / ticks for part in sums(drawn.pass_ticks for drawn in found)]
+    return [seconds * part / ticks for part in sums((drawn.keys, drawn.pass_ticks) for drawn in found)]
 
 
 def checked_size(size: Sequence[int]) -> tuple[int, int]:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from soups import AHEAD, BENCH
 
 import clpeel
+from clpeel.renderer import sums
 from clpeel.techniques.multi_layer_peeling import HAZARD_ORDERS
 
 if TYPE_CHECKING:
@@ -153,6 +154,23 @@ def test_any_scene_as_sort(colors: str, window: int, lanes: int, judge: Judge) -
     judge.same_bits(got, want)
     assert got.stats["layers_max"] == want.stats["layers_max"] and got.stats["truncated_pixels"] == 0
     assert layers <= got.stats["passes"] <= layers * (1 if window == 1 else 4)
+
+
+def test_passes_are_those_of_the_picture_however_many_batches_it_has(lanes: int) -> None:
+    soup = soups.random(9, 40, "large")
+    scene = soups.Soup(soup.vertices, np.tile(soup.faces, (30, 1)), color=np.array([9, 9, 9, 9], np.uint8)).scene()
+    call = {"camera": BENCH.camera(), "size": (700, 500), "technique": "multi-layer-peeling", "lanes": lanes}
+    one, many = (
+        clpeel.render(scene, hazard_window=3, layers_per_pass=16, memory=memory, **call) for memory in (None, "1M")
+    )
+    assert one.stats["batches"] == 1 < many.stats["batches"]
+    for name in ("samples_passed", "passes", "passes_issued"):
+        assert one.stats[name] == many.stats[name]
+    assert len(many.stats["seconds_per_pass"]) == many.stats["passes_issued"]
+    # One batch peels twice in a pass each, another first in two passes: of each peel what belongs together.
+    few = ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0)), (5, 0, 2, 0, 0)
+    more = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)), (7, 3, 0, 4, 0, 0)
+    assert sums([few, more]) == sums([more, few]) == [12, 3, 0, 6, 0, 0]
 
 
 @pytest.mark.parametrize(
