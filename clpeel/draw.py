@@ -94,23 +94,28 @@ def groups_for(gpu: Gpu, batch: Batch) -> int:
     return min(units if gpu.lanes == 1 else GROUPS_A_UNIT * units, batch.tiles)
 
 
-def bounded(gpu: Gpu, target: dict[str, Any], max_error: float | None) -> tuple[dict[str, Any], dict[str, int]]:
-    """The picture and the constants of a kernel that leaves layers out.
-
-    max_error: what they may change in any channel, 0..1, else InputError; None where all are drawn and none told of.
-    """
+def checked_error(max_error: float | None) -> np.float32 | None:
+    """The greatest float32 that is not more than max_error (0..1, else InputError); None where there is none."""
     if max_error is None:
-        return target, {}
+        return None
     try:
         error = float(max_error)
     except (TypeError, ValueError):
         error = math.nan
     if not 0 <= error <= 1:
         raise InputError(f"max_error: expected 0..1, got {max_error!r}")
-    # The greatest float32 that is not more.
     least = np.float32(error)
-    if float(least) > error:
-        least = np.nextafter(least, np.float32(0))
+    return least if float(least) <= error else np.nextafter(least, np.float32(0))
+
+
+def bounded(gpu: Gpu, target: dict[str, Any], max_error: float | None) -> tuple[dict[str, Any], dict[str, int]]:
+    """The picture and the constants of a kernel that leaves layers out.
+
+    max_error: what they may change in any channel, 0..1, else InputError; None where all are drawn and none told of.
+    """
+    least = checked_error(max_error)
+    if least is None:
+        return target, {}
     return {**target, "parameters": gpu.put("parameters", np.array([least], np.float32))}, {"BOUNDED": 1}
 
 

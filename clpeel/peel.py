@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from clpeel.binning import Batch
 from clpeel.device import Gpu
-from clpeel.draw import Drawn, Report, bounded, draw_tiles, groups_for
+from clpeel.draw import Drawn, Report, bounded, checked_error, draw_tiles, groups_for
 from clpeel.errors import InputError
 from clpeel.layout import BLOCK, BLOCK_PIXELS, BLOCKS_A_ROW, TILE, TILE_TOTALS
 from clpeel.program import program
@@ -35,6 +35,24 @@ def checked_count(name: str, count: Any, most: int) -> int:
     if whole != count or not 1 <= whole <= most:
         raise InputError(f"{name}: expected 1..{most}, got {count!r}")
     return whole
+
+
+def check_peeling(
+    passes: int | None = None,
+    occlusion_query: bool = True,
+    coincident: str = "keep",
+    max_error: float | None = None,
+) -> None:
+    """InputError where one of these options of `peel` cannot be."""
+    if passes is not None:
+        checked_count("passes", passes, MAX_PASSES)
+    elif not occlusion_query:
+        raise InputError(
+            "occlusion_query: expected passes=N with it off, as nothing else ends the passes; got no passes"
+        )
+    if coincident not in COINCIDENT:
+        raise InputError(f"coincident: expected one of {', '.join(COINCIDENT)}; got {coincident!r}")
+    checked_error(max_error)
 
 
 def peel(
@@ -63,17 +81,10 @@ def peel(
     peels; `passes` must then be None. Raises InputError where one of these cannot be, or where there is no end to the
     repeats.
     """
-    if passes is not None:
-        passes = checked_count("passes", passes, MAX_PASSES)
-    if passes is None and not occlusion_query:
-        raise InputError(
-            "occlusion_query: expected passes=N with it off, as nothing else ends the passes; got no passes"
-        )
-    if coincident not in COINCIDENT:
-        raise InputError(f"coincident: expected one of {', '.join(COINCIDENT)}; got {coincident!r}")
+    check_peeling(passes, occlusion_query, coincident, max_error)
     # There cannot be more layers than a tile has records; one pass more is the empty one that ends them.
     most_layers = int(batch.tile_pairs.max())
-    most = [passes] if passes is not None else []
+    most = [int(passes)] if passes is not None else []
     most += [most_layers + 1] if occlusion_query else []
     most_passes, most_repeats = first_passes + min(most), 1
     if layers_a_pass is not None:

@@ -180,6 +180,7 @@ class Renderer:
         gpu = self.gpu
         chosen = technique_named(technique)
         check_options(technique, options)
+        chosen.check(**options)
         check_layers(technique, layers, samples)
         size = checked_size(size)
         over = checked_background(background)

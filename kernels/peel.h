@@ -42,8 +42,8 @@
 // pass_totals: of each pass the samples that passed and the ticks it took, two words each; at last, the ticks of it all. With
 // REPEATS, a peel may take `most_repeats` passes, and those of the n-th begin at n times that, however many it takes.
 // tile_totals: of each tile, its fragments, the layers peeled of its deepest pixel, its passes (with REPEATS, 1 + the number
-// of a pixel for which there is no end to them), its truncated pixels, the
-// greatest transmittance of those (a float's bits), and samples with an opaque surface.
+// of a pixel for which there is no end to them), its truncated pixels, the greatest transmittance of those (a float's bits),
+// and samples with an opaque surface.
 kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                  global const uint *faces, global const void *palette, global const float *weights,

@@ -185,3 +185,23 @@ def test_models_with_both(model: Any, judge: Judge) -> None:
     for technique in EXACT:
         got = clpeel.render(scene, camera, (300, 200), technique)
         judge.color(got, want.color, (3 * want.stats["layers_max"] + 8) * UNIT, technique)
+
+
+@pytest.mark.parametrize(
+    ("technique", "options"),
+    [
+        ("sort", {"max_error": 5}),
+        ("depth-peeling", {"passes": 0}),
+        ("dual-depth-peeling", {"coincident": "drop"}),
+        ("multi-layer-peeling", {"layers_per_pass": 0}),
+        ("multi-layer-peeling", {"hazard_window": 0}),
+        ("glowscript", {"passes": 9}),
+        ("weighted-average", {"precision": "double"}),
+        ("weighted-sum", {"precision": "double"}),
+    ],
+)
+def test_what_cannot_be_is_refused_of_opaque_scenes_too(technique: str, options: dict[str, Any]) -> None:
+    """Where nothing is peeled or added up the options are not used, and wrong all the same."""
+    scene = soups.stack([1.0], (1.0, 1.0, 1.0, 1.0)).scene()
+    with pytest.raises(clpeel.InputError, match=f"^{next(iter(options))}: expected"):
+        clpeel.render(scene, AHEAD.camera(), (4, 4), technique, **options)

@@ -9,6 +9,7 @@ from typing import Any
 from clpeel.composite import Finished
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
+from clpeel.peel import check_peeling
 from clpeel.techniques import (
     depth_peeling,
     dual_depth_peeling,
@@ -61,6 +62,7 @@ class Technique:
     finish: Callable[..., Finished] | None = None
     """Of techniques with maps: (picture, triangles, background, **options) makes them of picture.values."""
     peeled: Callable[..., tuple[int, int]] | None = None
+    check: Callable[..., None] = lambda **_: None
     passes_for: Callable[[int, dict[str, Any]], int] = one_pass
 
 
@@ -74,6 +76,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=(MAX_ERROR, LAYERS),
         peeled=sort.peeled,
+        check=sort.check,
     ),
     "depth-peeling": Technique(
         depth_peeling.SUMMARY,
@@ -82,6 +85,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=PEELING,
         peeled=depth_peeling.peeled,
+        check=check_peeling,
         passes_for=depth_peeling.passes_for,
     ),
     "dual-depth-peeling": Technique(
@@ -92,6 +96,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=PEELING,
         peeled=dual_depth_peeling.peeled,
+        check=check_peeling,
         passes_for=dual_depth_peeling.passes_for,
     ),
     "multi-layer-peeling": Technique(
@@ -101,6 +106,7 @@ TECHNIQUES: dict[str, Technique] = {
         exact=True,
         options=(*PEELING, "layers_per_pass", "hazard_window", "hazard_order", "torn_writes"),
         peeled=multi_layer_peeling.peeled,
+        check=multi_layer_peeling.check,
         passes_for=multi_layer_peeling.passes_for,
     ),
     "glowscript": Technique(
@@ -109,6 +115,7 @@ TECHNIQUES: dict[str, Technique] = {
         glowscript.buffer_bytes,
         options=("passes", "coincident", LAYERS),
         peeled=glowscript.peeled,
+        check=glowscript.check,
         passes_for=glowscript.passes_for,
     ),
     "thickness": Technique(
@@ -132,10 +139,20 @@ TECHNIQUES: dict[str, Technique] = {
         finish=translucency.finish,
     ),
     "weighted-average": Technique(
-        weighted_average.SUMMARY, weighted_average.draw, weighted_sum.buffer_bytes, passes=1, options=("precision",)
+        weighted_average.SUMMARY,
+        weighted_average.draw,
+        weighted_sum.buffer_bytes,
+        passes=1,
+        options=("precision",),
+        check=weighted_sum.check,
     ),
     "weighted-sum": Technique(
-        weighted_sum.SUMMARY, weighted_sum.draw, weighted_sum.buffer_bytes, passes=1, options=("precision",)
+        weighted_sum.SUMMARY,
+        weighted_sum.draw,
+        weighted_sum.buffer_bytes,
+        passes=1,
+        options=("precision",),
+        check=weighted_sum.check,
     ),
 }
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from clpeel.draw import Drawn
 from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES
-from clpeel.peel import checked_count, peel
+from clpeel.peel import check_peeling, checked_count, peel
 
 SUMMARY = (
     "the four foremost layers, or as many --passes as told, in front of opaque surfaces; what is behind is left out"
@@ -28,10 +28,16 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     return 2 * FRAGMENT_BYTES + 4 + MOST_PEELS * COLOR_BYTES
 
 
+def check(passes: int = MOST_PEELS, coincident: str = "keep") -> None:
+    """InputError where one of the options cannot be."""
+    checked_count("passes", passes, MOST_PEELS)
+    check_peeling(coincident=coincident)
+
+
 def draw(*arguments: Any, passes: int = MOST_PEELS, **options: Any) -> Drawn:
     """Draws a batch of tiles with `passes` peels (1..MOST_PEELS, else InputError)."""
-    peels = checked_count("passes", passes, MOST_PEELS)
-    return peel("techniques/glowscript.cl", 0, *arguments, passes=peels, occlusion_query=False, **options)
+    check(passes)
+    return peel("techniques/glowscript.cl", 0, *arguments, passes=passes, occlusion_query=False, **options)
 
 
 def peeled(passes: int = MOST_PEELS, **_: Any) -> tuple[int, int]:

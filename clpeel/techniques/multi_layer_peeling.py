@@ -11,7 +11,7 @@ from typing import Any
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.layout import ALL_LAYERS, COLOR_BYTES, FRAGMENT_BYTES
-from clpeel.peel import checked_count, peel
+from clpeel.peel import check_peeling, checked_count, peel
 
 SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
 MOST_LAYERS = 64
@@ -50,6 +50,27 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     return FRAGMENT_BYTES * (1 + slots) + 4 + COLOR_BYTES
 
 
+def check(
+    layers_per_pass: int = layers_per_pass(),
+    hazard_window: int | None = None,
+    hazard_order: str = "nearest-last",
+    torn_writes: bool = False,
+    **options: Any,
+) -> None:
+    """InputError where one of the options of `draw` cannot be, or not with another."""
+    checked_count("layers_per_pass", layers_per_pass, MOST_LAYERS)
+    if hazard_order not in HAZARD_ORDERS:
+        raise InputError(f"hazard_order: expected one of {', '.join(HAZARD_ORDERS)}; got {hazard_order!r}")
+    if hazard_window is not None:
+        checked_count("hazard_window", hazard_window, MAX_WINDOW)
+    if hazard_window is not None or torn_writes:
+        for name in sorted(options.keys() & {"passes", "occlusion_query", "max_error"}):
+            raise InputError(
+                f"{name}: expected none with hazard_window: its passes end when nothing is written; got one"
+            )
+    check_peeling(**options)
+
+
 def draw(
     *arguments: Any,
     layers_per_pass: int = layers_per_pass(),
@@ -64,16 +85,12 @@ def draw(
     order they land: one of HAZARD_ORDERS; and, with torn_writes, of two that meet each commits half of its targets.
     Raises InputError where the inner loop of Table 1 then has no end.
     """
-    layers = checked_count("layers_per_pass", layers_per_pass, MOST_LAYERS)
+    check(layers_per_pass, hazard_window, hazard_order, torn_writes, **options)
+    layers = int(layers_per_pass)
     defines = {"LAYERS_A_PASS": layers}
-    if hazard_order not in HAZARD_ORDERS:
-        raise InputError(f"hazard_order: expected one of {', '.join(HAZARD_ORDERS)}; got {hazard_order!r}")
     if hazard_window is None and not torn_writes:
         return peel("techniques/multi-layer-peeling.cl", 0, *arguments, defines=defines, **options)
-    for name in options.keys() & {"passes", "occlusion_query", "max_error"}:
-        raise InputError(f"{name}: expected none with hazard_window: its passes end when nothing is written; got one")
-    window = TORN_WINDOW if hazard_window is None else hazard_window
-    defines["HAZARD_WINDOW"] = checked_count("hazard_window", window, MAX_WINDOW)
+    defines["HAZARD_WINDOW"] = TORN_WINDOW if hazard_window is None else int(hazard_window)
     defines["HAZARD_ARRIVAL"] = int(hazard_order == "arrival")
     defines["TORN_WRITES"] = int(torn_writes)
     return peel("techniques/multi-layer-hazards.cl", 0, *arguments, defines=defines, layers_a_pass=layers, **options)

@@ -9,7 +9,7 @@ from typing import Any
 
 from clpeel.binning import Batch
 from clpeel.device import Gpu
-from clpeel.draw import Drawn, Report, bounded, draw_once
+from clpeel.draw import Drawn, Report, bounded, checked_error, draw_once
 from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
 from clpeel.projection import Triangles
 
@@ -36,6 +36,11 @@ def draw(
     """Draws a batch of tiles. max_error: as for bounded (draw.py), which raises InputError where it cannot be."""
     target, bounds = bounded(gpu, target, max_error)
     return draw_once("techniques/sort.cl", SCRATCH_BYTES, gpu, triangles, batch, target, capacity, report, **bounds)
+
+
+def check(max_error: float | None = None) -> None:
+    """InputError where the option cannot be."""
+    checked_error(max_error)
 
 
 def peeled(max_error: float | None = None) -> tuple[int, int]:

@@ -22,10 +22,15 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     return FRAGMENT_BYTES * layers
 
 
-def draw_sums(path: str, *arguments: Any, precision: str = "float32") -> Drawn:
-    """Draws a batch by the kernel file `path`, with sums of that precision (PRECISIONS, else InputError)."""
+def check(precision: str = "float32") -> None:
+    """InputError where the option cannot be."""
     if precision not in PRECISIONS:
         raise InputError(f"precision: expected one of {', '.join(PRECISIONS)}; got {precision!r}")
+
+
+def draw_sums(path: str, *arguments: Any, precision: str = "float32") -> Drawn:
+    """Draws a batch by the kernel file `path`, with sums of that precision (PRECISIONS, else InputError)."""
+    check(precision)
     return draw_once(path, 0, *arguments, HALF_SUMS=int(precision == "half"))
 
 
