@@ -340,7 +340,16 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
     add("--hazard-window", type=_count, metavar="N", help="multi-layer-peeling: so many concurrent writes, simulated")
     add("--hazard-order", metavar="nearest-last|arrival", help="multi-layer-peeling: in which these writes land")
     add("--torn-writes", action="store_true", help="multi-layer-peeling: of two that meet each commits half")
-    add("--precision", metavar="float32|half", help="of the sums, where the technique sums without sorting")
+    add(
+        "--precision",
+        metavar="float32|half|unorm8",
+        help="of the buffers that colours are blended into, each blend rounded as hardware does (default: float32)",
+    )
+    add(
+        "--depth-format",
+        metavar="FORMAT",
+        help="what is kept of depths: float32-reversed, float32, unorm24 or rgba8 (default: float32-reversed)",
+    )
     add("--layers", type=_count, metavar="N", help="layers a pass, where the technique peels several")
     add(
         "--variant",
@@ -420,7 +429,8 @@ def _add_compare_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("comparison")
     add = group.add_argument
     add("--techniques", type=_names, metavar="NAME,...", help="only these (default: all that make this picture)")
-    add("--precisions", type=_names, metavar="NAME,...", help="of those that sum without sorting (default: all)")
+    text = "of colour buffers: float32, half, unorm8 (default: float32 and that of the technique's paper)"
+    add("--precisions", type=_names, metavar="NAME,...", help=text)
     add(
         "--budgets",
         type=_counts,

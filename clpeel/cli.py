@@ -313,6 +313,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         "hazard_order": options.hazard_order,
         "torn_writes": options.torn_writes or None,
         "precision": options.precision,
+        "depth_format": options.depth_format,
         "variant": options.variant,
         "projected": options.projected or None,
         "thickness_range": options.thickness_range,

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clpeel.blending import DEFAULT_PRECISION, PRECISIONS
 from clpeel.camera import Camera
 from clpeel.errors import InputError
 from clpeel.layers import Layers
@@ -22,7 +23,6 @@ from clpeel.peel import MAX_PASSES, checked_count
 from clpeel.renderer import Progress, Renderer, check_picture_fits, checked_size
 from clpeel.scene import Scene, checked_background
 from clpeel.techniques import LAYERS, TECHNIQUES, technique
-from clpeel.techniques.weighted_sum import PRECISIONS
 
 STEP = 1 / 255
 """Between two neighbours of 8 bits."""
@@ -68,7 +68,7 @@ class Row:
     Errors are of red, green and blue, premultiplied over the background and clamped to 0..1 as the picture shows them,
     before they are rounded to 8 bits; a number that is none (NaN) is off by 1. Shares are of the picture's pixels.
 
-    precision: of the sums, of techniques with that option. budget: the `passes` it was told to stop after, or None.
+    precision: of the colour buffers. budget: the `passes` it was told to stop after, or None.
     exact: whether the technique is, when nothing stops it. seconds: of each timed frame, from a scene on the device to
     the picture on the host. passes: geometry passes, as the papers count them. bytes_per_pixel: what it keeps of a
     sample. memory_bytes: all on the device but the picture. max_error, rms_error: of 1. psnr: dB, infinite where the
@@ -248,8 +248,8 @@ class Interrupted(KeyboardInterrupt):
 
 
 def named(technique: str, precision: str | None, budget: int | None) -> str:
-    """`Row.name`."""
-    told = [precision or "", "" if budget is None else f"passes {budget}"]
+    """`Row.name`: float32 goes without saying."""
+    told = ["" if precision in (None, DEFAULT_PRECISION) else precision, "" if budget is None else f"passes {budget}"]
     return ", ".join([technique, *filter(None, told)])
 
 
@@ -368,19 +368,27 @@ def _chosen(name: str, values: Iterable[Any] | None, known: Sequence[Any]) -> li
     return [value for value in known if value in asked]
 
 
-def check_choice(techniques: Iterable[str] | None, precisions: Iterable[str] | None) -> tuple[list[str], list[str]]:
-    """Those that `compare` takes of each, in the registry's order. Raises InputError where there is no such."""
+def check_choice(
+    techniques: Iterable[str] | None, precisions: Iterable[str] | None
+) -> tuple[list[str], list[str] | None]:
+    """Those that `compare` takes of each, in the registry's order. Raises InputError where there is no such.
+
+    Of precisions None where none are asked for: each technique's own then, float32 and its paper's.
+    """
     comparable = [name for name, made in TECHNIQUES.items() if not made.maps]
-    return _chosen("techniques", techniques, comparable), _chosen("precisions", precisions, PRECISIONS)
+    names = _chosen("techniques", techniques, comparable)
+    return names, None if precisions is None else _chosen("precisions", precisions, list(PRECISIONS))
 
 
-def _trials(names: Iterable[str], precisions: Sequence[str], budgets: Sequence[int]) -> list[_Trial]:
+def _trials(names: Iterable[str], precisions: Sequence[str] | None, budgets: Sequence[int]) -> list[_Trial]:
     """Techniques x precisions x budgets, each where the technique has that option."""
     trials = []
     for name in names:
-        has = technique(name).options
+        chosen = technique(name)
+        has = chosen.options
+        own = precisions or list(dict.fromkeys((DEFAULT_PRECISION, chosen.paper_precision)))
         for precision, budget in product(
-            precisions if "precision" in has else [None], [None, *budgets] if "passes" in has else [None]
+            own if "precision" in has else [None], [None, *budgets] if "passes" in has else [None]
         ):
             options = {"precision": precision, "passes": budget}
             trials.append(_Trial(name, {key: value for key, value in options.items() if value is not None}))
@@ -408,14 +416,14 @@ def compare(
     """Draws the view by every technique and compares the pictures with the truth, and the times with each other.
 
     techniques: names in `clpeel.techniques.TECHNIQUES` of those that make this picture, not a map; all by default.
-    precisions: of those that have the option; all by default. budgets: numbers of `passes` to stop after, of those that
-    have the option, besides not stopping them. frames: how many are timed of each row, after one that is not; rows take
-    turns, so that a machine that slows down slows all. pictures: whether rows keep `image` and `error`, which `to_html`
-    shows. The others are as of `render`; there is one sample a pixel, and two renderers, each of which keeps to
-    `memory`. Raises InputError on any of these that cannot be, and Interrupted, a KeyboardInterrupt with the rows that
-    are finished, on Ctrl-C.
+    precisions: of the colour buffers; by default float32 and that of the technique's paper. budgets: numbers of
+    `passes` to stop after, of those that have the option, besides not stopping them. frames: how many are timed of each
+    row, after one that is not; rows take turns, so that a machine that slows down slows all. pictures: whether rows
+    keep `image` and `error`, which `to_html` shows. The others are as of `render`; there is one sample a pixel, and two
+    renderers, each of which keeps to `memory`. Raises InputError on any of these that cannot be, and Interrupted, a
+    KeyboardInterrupt with the rows that are finished, on Ctrl-C.
     """
-    names, precisions = check_choice(techniques, precisions)
+    names, chosen_precisions = check_choice(techniques, precisions)
     budgets = sorted({checked_count("budgets", budget, MAX_PASSES) for budget in budgets})
     frames = checked_count("frames", frames, MOST_FRAMES)
     size = checked_size(size)
@@ -423,7 +431,7 @@ def compare(
     if over is None:
         raise InputError("background: expected 3 numbers 0..1, as errors are of the picture over it; got None")
     check_picture_fits(size, HOST_BYTES)
-    trials = _trials(names, precisions, budgets)
+    trials = _trials(names, chosen_precisions, budgets)
 
     # One judges the pictures and gives its memory back before each, so that it tells what each technique takes; with
     # the other, nothing is allocated in a frame that is timed.

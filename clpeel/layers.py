@@ -21,12 +21,17 @@ from clpeel.layout import (
     BLOCK_PIXELS,
     BLOCKS_A_ROW,
     COLOR_BYTES,
+    DEPTH_FORMATS,
+    FLOAT32,
+    FLOAT32_REVERSED,
     FRAGMENT_BYTES,
     INSERTED_MAX,
     MAX_SIDE,
+    RGBA8,
     SOURCE_BYTES,
     TILE,
     TILE_PIXELS,
+    UNORM24,
 )
 from clpeel.program import launch, program
 from clpeel.projection import DeviceScene, Triangles, project
@@ -241,17 +246,20 @@ def find_layers(
     peeled: tuple[int, int],
     keep_coincident: bool,
     opaque_first: bool,
+    depth_format: str,
     report: Callable[[float, str], None],
 ) -> Layers:
     """The layers of a view, found in windows within `budget` bytes of the device's memory.
 
     peeled: how many of a pixel's transparent layers from the front and from the back. keep_coincident: of equal depths
-    all, not the first submitted alone. opaque_first: whether a pixel's layers end with the first opaque one. Raises
-    InputError where the budget does not hold one pixel's fragments.
+    all, not the first submitted alone. opaque_first: whether a pixel's layers end with the first opaque one.
+    depth_format: one of DEPTH_FORMATS (layout.py). Raises InputError where the budget does not hold one pixel's
+    fragments.
     """
     gpu.release(*TURNS)
     try:
-        triangles = project(gpu, scene, camera, size, headlight)  # opaque faces too, all in the order of submission
+        # Opaque faces too, all in the order of submission.
+        triangles = project(gpu, scene, camera, size, headlight, depth_format=depth_format)
         features = triangles.features
         batch_budget, largest = budget // BATCH_SHARE, int(gpu.device.max_mem_alloc_size)
         tiles = bin_triangles(gpu, triangles, batch_budget)
@@ -262,12 +270,11 @@ def find_layers(
             2**31 - 1,
         )
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
-        clipping = camera.fitted_range(scene.scene)
         pieces: list[_Piece] = []
         for batch in tiles.batches(min(batch_budget, largest), TILE_LAYERS_BYTES):
             for window in rasterize(gpu, triangles, batch, capacity, with_sources=True):
                 if window.count:
-                    pieces.append(_peel(gpu, triangles, batch, window, peeled, keep_coincident, opaque_first, clipping))
+                    pieces.append(_peel(gpu, triangles, batch, window, peeled, keep_coincident, opaque_first))
                 report(float(done_pairs[batch.first_tile + window.window_tile + window.tiles - 1]), "peeling layers")
     finally:
         gpu.queue.finish()
@@ -283,7 +290,6 @@ def _peel(
     peeled: tuple[int, int],
     keep_coincident: bool,
     opaque_first: bool,
-    clipping: tuple[float, float],
 ) -> _Piece:
     """The layers of a window, on the host."""
     kept_buffer = gpu.buffer("kept", 4 * TILE_PIXELS * window.tiles)
@@ -333,7 +339,7 @@ def _peel(
         pixel=_pixels(batch.first_tile + window.window_tile + tile, place, triangles.size[0]),
         count=count,
         color=colors[color_at],
-        depth=_distances((fragments >> np.uint64(32)).astype(np.uint32), clipping, window.features.perspective),
+        depth=_distances((fragments >> np.uint64(32)).astype(np.uint32), triangles),
         triangle=triangle.astype(np.int32),
     )
 
@@ -353,13 +359,21 @@ def _pixels(tile: NDArray[np.int64], place: NDArray[np.int64], width: int) -> ND
     return row * width + column
 
 
-def _distances(keys: NDArray[np.uint32], clipping: tuple[float, float], perspective: bool) -> NDArray[np.float32]:
-    """Depth keys to view distances: DEPTH_KEY (common.h) and the camera's projection, turned round."""
-    negative = np.uint32(0x80000000)
-    depth = np.where(keys & negative, keys, ~(keys | negative)).view(np.float32).astype(np.float64)
-    near, far = clipping
+def _distances(keys: NDArray[np.uint32], triangles: Triangles) -> NDArray[np.float32]:
+    """Depth keys to view distances: depth.h and the camera's projection, turned round."""
+    near, far = triangles.clipping
+    kept = DEPTH_FORMATS.index(triangles.features.depth_format)
     with np.errstate(over="ignore", divide="ignore"):
-        return (near / depth if perspective else far - depth * (far - near)).astype(np.float32)
+        if kept == FLOAT32_REVERSED:
+            negative = np.uint32(0x80000000)
+            depth = np.where(keys & negative, keys, ~(keys | negative)).view(np.float32).astype(np.float64)
+        else:
+            bits = keys - np.uint32(1)
+            steps = {UNORM24: 2.0**24 - 1, RGBA8: 2.0**32}
+            window = bits.view(np.float32).astype(np.float64) if kept == FLOAT32 else bits / steps[kept]
+            depth = 1 - window / triangles.depth_scale
+        distance = near / depth if triangles.features.perspective else far - depth * (far - near)
+        return distance.astype(np.float32)
 
 
 def _runs(begin: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -86,6 +86,11 @@ ALL_LAYERS = (1 << 32) - 1
 AMBIENT = 0.2
 """Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""
 
+DEPTH_FORMATS = ("float32-reversed", "float32", "unorm24", "rgba8")
+"""What is kept of a depth, in the order of the kernels' numbers (depth.h)."""
+
+FLOAT32_REVERSED, FLOAT32, UNORM24, RGBA8 = range(len(DEPTH_FORMATS))
+
 # Outcodes of a projected vertex: one bit for each clipping plane it lies outside of.
 OUT_NEAR, OUT_FAR, OUT_LEFT, OUT_RIGHT, OUT_TOP, OUT_BOTTOM, NOT_FINITE = (1 << bit for bit in range(7))
 
@@ -147,6 +152,7 @@ class Features:
     packed_color: bool  # colours come as 4 bytes rather than 4 floats
     headlight: bool
     surfaces: str = "transparent"  # or "opaque", or "mixed": what is drawn first needs telling apart
+    depth_format: str = DEPTH_FORMATS[FLOAT32_REVERSED]
 
     @property
     def fragment_color(self) -> bool:
@@ -182,6 +188,7 @@ class Features:
             "HEADLIGHT": int(self.headlight),
             "FRAGMENT_COLOR": int(self.fragment_color),
             "MIXED": int(self.surfaces == "mixed"),
+            "DEPTH_FORMAT": DEPTH_FORMATS.index(self.depth_format),
         }
         return [f"-D{name}={value}" for name, value in flags.items()]
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from clpeel.binning import Batch
+from clpeel.blending import DEFAULT_PRECISION, precision_define
 from clpeel.device import Gpu
 from clpeel.draw import Drawn, Report, draw_tiles, groups_for
 from clpeel.program import program
@@ -17,17 +18,22 @@ STAGE = "opaque"
 
 
 def draw_opaque(
-    gpu: Gpu, triangles: Triangles, batch: Batch, target: dict[str, Any], report: Report | None = None
+    gpu: Gpu,
+    triangles: Triangles,
+    batch: Batch,
+    target: dict[str, Any],
+    report: Report | None = None,
+    precision: str = DEFAULT_PRECISION,
 ) -> Drawn:
     """Draws the nearest surface of each sample: no fragments are kept, and no geometry pass is made besides this one.
 
-    target, report: as for draw_once (draw.py).
+    target, report: as for draw_once (draw.py). precision: of the colour buffer, one of PRECISIONS (blending.py).
     """
     tile_samples = gpu.buffer("tile_totals", 4 * batch.tiles)
     draw_tiles(
         gpu,
         STAGE,
-        program(gpu, "opaque.cl", triangles.features)["draw"],
+        program(gpu, "opaque.cl", triangles.features, **precision_define(precision))["draw"],
         groups_for(gpu, batch),
         batch,
         report,

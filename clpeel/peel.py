@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.binning import Batch
+from clpeel.blending import DEFAULT_PRECISION, check_precision, precision_define
 from clpeel.device import Gpu
 from clpeel.draw import Drawn, Report, bounded, checked_error, draw_tiles, groups_for
 from clpeel.errors import InputError
@@ -42,6 +43,7 @@ def check_peeling(
     occlusion_query: bool = True,
     coincident: str = "keep",
     max_error: float | None = None,
+    precision: str = DEFAULT_PRECISION,
 ) -> None:
     """InputError where one of these options of `peel` cannot be."""
     if passes is not None:
@@ -53,6 +55,7 @@ def check_peeling(
     if coincident not in COINCIDENT:
         raise InputError(f"coincident: expected one of {', '.join(COINCIDENT)}; got {coincident!r}")
     checked_error(max_error)
+    check_precision(precision)
 
 
 def peel(
@@ -69,6 +72,7 @@ def peel(
     occlusion_query: bool = True,
     coincident: str = "keep",
     max_error: float | None = None,
+    precision: str = DEFAULT_PRECISION,
     defines: dict[str, int] | None = None,
     layers_a_pass: int | None = None,
 ) -> Drawn:
@@ -76,12 +80,12 @@ def peel(
 
     first_passes: geometry passes that peel nothing yet. passes: peels that many times and stops. occlusion_query: stops
     where a pass draws nothing; without, all `passes` are made. coincident: "keep" or "paper" (COINCIDENT).
-    max_error: as for bounded (draw.py). defines:
-    constants of the kernel. layers_a_pass: where the passes of a peel may have to be repeated, how many layers one
+    max_error: as for bounded (draw.py). precision: one of PRECISIONS (blending.py). defines: constants of the kernel.
+    layers_a_pass: where the passes of a peel may have to be repeated, how many layers one
     peels; `passes` must then be None. Raises InputError where one of these cannot be, or where there is no end to the
     repeats.
     """
-    check_peeling(passes, occlusion_query, coincident, max_error)
+    check_peeling(passes, occlusion_query, coincident, max_error, precision)
     # There cannot be more layers than a tile has records; one pass more is the empty one that ends them.
     most_layers = int(batch.tile_pairs.max())
     most = [int(passes)] if passes is not None else []
@@ -96,14 +100,13 @@ def peel(
                 "simulate a part of the scene, or a larger picture"
             )
     target, bounds = bounded(gpu, target, max_error)
+    constants = {**(defines or {}), **bounds, **precision_define(precision), "BY_DEPTH": int(coincident == "paper")}
     pass_totals = gpu.put("pass_totals", np.zeros((most_passes + 1, 4), np.uint32))
     tile_totals = gpu.buffer("tile_totals", 4 * TILE_TOTALS * batch.tiles)
     draw_tiles(
         gpu,
         path.removesuffix(".cl").rpartition("/")[2],
-        program(gpu, path, triangles.features, **(defines or {}), **bounds, BY_DEPTH=int(coincident == "paper"))[
-            "peel"
-        ],
+        program(gpu, path, triangles.features, **constants)["peel"],
         groups_for(gpu, batch),
         batch,
         report,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,16 @@ import pyopencl as cl
 from clpeel.camera import Camera
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.layout import CLIP_TRIANGLES, OPAQUE, PADDING, TRIANGLE, VERTEX, Features
+from clpeel.layout import (
+    CLIP_TRIANGLES,
+    DEPTH_FORMATS,
+    FLOAT32_REVERSED,
+    OPAQUE,
+    PADDING,
+    TRIANGLE,
+    VERTEX,
+    Features,
+)
 from clpeel.program import cut, launch, program
 from clpeel.scene import Positions, Scene
 
@@ -74,6 +83,12 @@ class Triangles:
         return self.listed + CLIP_TRIANGLES * self.clipped
 
     @property
+    def depth_scale(self) -> float:
+        """What window depths are multiplied with (depth.h)."""
+        near, far = self.clipping
+        return 1 / (1 - near / far) if self.features.perspective else 1.0
+
+    @property
     def shading(self) -> dict[str, Any]:
         """The kernel arguments that say what colour a fragment has."""
         return {
@@ -134,11 +149,18 @@ def upload(gpu: Gpu, scene: Scene, normals: bool = False) -> DeviceScene:
 
 
 def project(
-    gpu: Gpu, scene: DeviceScene, camera: Camera, size: tuple[int, int], headlight: bool, opaque_first: bool = False
+    gpu: Gpu,
+    scene: DeviceScene,
+    camera: Camera,
+    size: tuple[int, int],
+    headlight: bool,
+    opaque_first: bool = False,
+    depth_format: str = DEPTH_FORMATS[FLOAT32_REVERSED],
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height).
 
-    opaque_first: tells opaque faces from others; without, all are taken as transparent.
+    opaque_first: tells opaque faces from others; without, all are taken as transparent. depth_format: one of
+    DEPTH_FORMATS, what is kept of their fragments' depths.
     """
     features = Features(
         lanes=gpu.lanes,
@@ -239,7 +261,7 @@ def project(
     direction = camera.axes()[2]
     return Triangles(
         scene=scene,
-        features=features,
+        features=replace(features, depth_format=depth_format),  # fragments' alone
         size=size,
         view=(float(direction[0]), float(direction[1]), float(direction[2])),
         clipping=clipping,

@@ -81,6 +81,7 @@ def walk_arguments(triangles: Triangles, batch: Batch) -> dict[str, Any]:
         "columns": -(-width // TILE),
         "width": width,
         "height": height,
+        "depth_scale": triangles.depth_scale,
     }
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.binning import BATCH_SHARE, bin_triangles
+from clpeel.blending import DEFAULT_PRECISION, PRECISION, blending_bound
 from clpeel.camera import Camera
 from clpeel.composite import Finished, Picture
 from clpeel.device import Gpu, open_device
@@ -22,7 +23,7 @@ from clpeel.errors import InputError
 from clpeel.image import save_png
 from clpeel.layers import STAGE as LAYERS_STAGE
 from clpeel.layers import Layers, find_layers
-from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES, MAX_SIDE, OPAQUE_BYTES
+from clpeel.layout import COLOR_BYTES, DEPTH_FORMATS, FLOAT32_REVERSED, FRAGMENT_BYTES, MAX_SIDE, OPAQUE_BYTES
 from clpeel.normals import with_normals
 from clpeel.opaque import draw_opaque
 from clpeel.program import device_seconds
@@ -41,7 +42,9 @@ MIN_MEMORY = 1 << 20
 MOST_LISTED = 2**31
 """Bytes of a batch's lists: places in them are below 2**29, and so signed numbers of 32 bits (peeling.h)."""
 
-COMMON_OPTIONS = tuple("camera size technique background lighting samples memory keep_color opaque progress".split())
+COMMON_OPTIONS = tuple(
+    "camera size technique background lighting samples memory keep_color opaque depth_format progress".split()
+)
 SAMPLES = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples a pixel to samples a side; a side divides a tile's, so that a pixel's samples share a tile."""
 
@@ -109,8 +112,8 @@ class Result:
         """float32 [height, width], with `max_error`: how far a channel of `color`, or over any background, may be off.
 
         What was left out cannot change a channel by more than the transmittance in front of it: the mean over a pixel's
-        samples, 0 where nothing was. float32 adds 3 N + 4 roundings of 2^-24, N being the most layers of a sample, with
-        an opaque one.
+        samples, 0 where nothing was. Rounding adds what clpeel.blending.blending_bound says of the most layers of a
+        sample, with an opaque one: 3 N + 4 roundings of 2^-24, and more where `precision` is coarser.
         """
         return self.map(ERROR_BOUND)
 
@@ -161,6 +164,7 @@ class Renderer:
         keep_color: bool = True,
         layers: bool = False,
         opaque: str = "first",
+        depth_format: str = DEPTH_FORMATS[FLOAT32_REVERSED],
         progress: Progress | None = None,
         **options: Any,
     ) -> Result:
@@ -173,8 +177,11 @@ class Renderer:
         the scene and a quarter of what it leaves. keep_color: whether the result has `color`. layers: whether it has
         `layers`, those that the technique peels; of one sample a pixel, and not of techniques that do not sort. opaque:
         "first" fills colour and depth with the surfaces whose alpha is 1 and draws the others in front of them alone;
-        "blend" takes them as any other. progress: called with the share done (0..1) and a text. options: those that the
-        technique has besides (its `options`). Raises InputError on any of these that cannot be.
+        "blend" takes them as any other. depth_format: what is kept of depths: "float32-reversed", or window depths as
+        "float32", in 24 bits, "unorm24", or four bytes, "rgba8"; surfaces closer than it can tell are coincident then.
+        progress: called with the share done (0..1) and a text. options: those that the technique has besides (its
+        `options`), of which all that blend have precision: of the buffers that they blend into, "float32", "half" or
+        "unorm8" (clpeel.blending). Raises InputError on any of these that cannot be.
         """
         started = time.perf_counter()
         gpu = self.gpu
@@ -187,8 +194,11 @@ class Renderer:
         side = checked_samples(samples, size)
         if opaque not in OPAQUE:
             raise InputError(f"opaque: expected one of {', '.join(OPAQUE)}; got {opaque!r}")
+        if depth_format not in DEPTH_FORMATS:
+            raise InputError(f"depth_format: expected one of {', '.join(DEPTH_FORMATS)}; got {depth_format!r}")
         bounded = options.get(MAX_ERROR) is not None
         keep_values = bounded or bool(chosen.maps)
+        precision = options.get(PRECISION, DEFAULT_PRECISION)
         check_picture_fits(size, 4 + 16 * (keep_color + keep_values))
         limit = None if memory is None else parse_memory(memory)
         if camera is None:
@@ -201,7 +211,7 @@ class Renderer:
         report(0.0, "projecting")
         sampled = (size[0] * side, size[1] * side)
         opaque_first = opaque == "first" and not chosen.maps  # maps are of all surfaces, whatever their alphas
-        triangles = project(gpu, on_device, camera, sampled, lighting != "none", opaque_first)
+        triangles = project(gpu, on_device, camera, sampled, lighting != "none", opaque_first, depth_format)
         held = on_device.nbytes + triangles.nbytes
         budget = max(gpu.default_budget(held) if limit is None else limit - held, MIN_MEMORY)
         batch_budget = budget // BATCH_SHARE
@@ -220,7 +230,7 @@ class Renderer:
         at_tile = None if progress is None else lambda tile: report(float(done_pairs[tile - 1]), "rendering")
         for batch in tiles.batches(min(batch_budget, largest, MOST_LISTED)):
             if triangles.features.surfaces == "opaque":
-                found.append(draw_opaque(gpu, triangles, batch, target, at_tile))
+                found.append(draw_opaque(gpu, triangles, batch, target, at_tile, precision))
             else:
                 found.append(chosen.draw(gpu, triangles, batch, target, capacity, at_tile, **options))
         clamped_pixels = picture.finish()
@@ -231,7 +241,7 @@ class Renderer:
         if bounded and picture.values is not None:
             if triangles.features.surfaces == "opaque":
                 picture.values[...] = 0  # its one pass finds none
-            done = with_error_bound(picture, layers_max)
+            done = with_error_bound(picture, layers_max + 1, precision)  # one more for what is opaque
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
         # What no kernel took: compiling them the first time, the scene's upload, the host's own work and waiting.
@@ -246,6 +256,7 @@ class Renderer:
         mixed = triangles.features.surfaces == "mixed"
         stats: dict[str, Any] = {
             "technique": technique,
+            "depth_format": depth_format,
             "passes": max(min(chosen.passes, len(samples_passed)), sum(passed > 0 for passed in samples_passed)),
             "passes_issued": len(samples_passed),
             "samples_passed": samples_passed,
@@ -278,7 +289,17 @@ class Renderer:
             keep = options.get("coincident", "keep") == "keep"
             peeled = chosen.peeled(**options)
             found_layers = find_layers(
-                gpu, on_device, camera, size, lighting != "none", budget, peeled, keep, opaque == "first", report
+                gpu,
+                on_device,
+                camera,
+                size,
+                lighting != "none",
+                budget,
+                peeled,
+                keep,
+                opaque == "first",
+                depth_format,
+                report,
             )
             seconds[LAYERS_STAGE] = time.perf_counter() - begun
             seconds["total"] = seconds.pop("total") + seconds[LAYERS_STAGE]
@@ -320,15 +341,15 @@ def check_layers(technique: str, layers: bool, samples: int) -> None:
             raise InputError(f"layers: expected samples=1, got {samples!r}")
 
 
-def with_error_bound(picture: Picture, layers: int) -> Finished:
+def with_error_bound(picture: Picture, layers: int, precision: str) -> Finished:
     """The picture with its map of `Result.error_bound`, and what its stats say of the layers that were left out.
 
-    layers: the most of a sample that were not.
+    layers: the most of a sample that were not. precision: of the colour buffers (blending.py).
     """
     assert picture.values is not None
     hidden = picture.values[..., 0]
     stats = {"truncated_pixels": int(np.count_nonzero(hidden)), "truncation_bound": float(hidden.max())}
-    rounding = np.float32((3 * (layers + 1) + 4) * 2.0**-24)  # one more for what is opaque
+    rounding = np.float32(blending_bound(layers, precision))
     return Finished(picture.image, picture.color, {ERROR_BOUND: np.minimum(hidden + rounding, np.float32(1))}, stats)
 
 

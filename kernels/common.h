@@ -197,13 +197,6 @@ INLINE void add_long(volatile global uint *total, ulong value)
     if (high) atomic_add(total + 1, high);
 }
 
-// --- depth ----------------------------------------------------------------------------------------------------------
-// Reversed depth (larger is nearer) to an unsigned key whose ascending order is front to back.
-// The usual monotone map of floats, complemented: -0.0 and negative values keep their place.
-// For vectors of any length: `uints` is the type of the keys. (The sign bit, less one, is all ones for what is not negative.)
-#define DEPTH_KEY(uints, depth)                                                                                 \
-    (PASTE(as_, uints)(depth) ^                                                                                 \
-     (((PASTE(as_, uints)(depth) >> (uints)(31u)) - (uints)(1u)) & (uints)(0x7FFFFFFFu)))
 // --- colour ---------------------------------------------------------------------------------------------------------
 // byte / 255, correctly rounded for every byte: 257 / 2^16 of it is exact, and what is left too small to be rounded wrongly.
 #define UNIT_OF(byte) ((byte) * 0x1.01p-8f + (byte) * 0x1.0101020p-24f)

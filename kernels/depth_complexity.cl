@@ -15,7 +15,7 @@
 // ones; opaque records.
 kernel void count_layers(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                          uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
-                         global uint *layers, global uint *tile_totals)
+                         float depth_scale, global uint *layers, global uint *tile_totals)
 {
     local uint taken, totals[COMPLEXITY_TOTALS];
     for (;;) {
@@ -40,7 +40,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
             VISITS((1u << TILE_BLOCKS) - 1)
             ++opaque_visits;
             all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
-            VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+            VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
             fragment |= (VECTOR(ulong))((ulong)t->source);
             fragment = CONVERT(long, STRIP, covered) ? fragment : (VECTOR(ulong))(ABSENT);
             z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
@@ -52,7 +52,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
             ++visits;
             if (MIXED) {
                 all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
-                VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+                VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
                 covered &= CONVERT(int, STRIP, (fragment | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block)]);
             }
             front[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);

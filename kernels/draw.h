@@ -34,7 +34,7 @@ INLINE void put_where(VECTOR(int) here, const Colors *strip, local Colors *place
 // deeper than that, if it is not 0.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
-                 global const uint *faces, global const void *palette, global const float *weights,
+                 float depth_scale, global const uint *faces, global const void *palette, global const float *weights,
                  global const float *normals, float view_x, float view_y, float view_z, uint layers_before, uint rows,
                  uint slab, global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green, float blue,
@@ -66,8 +66,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         Colors behind[STRIPS_A_LANE];
         if (MIXED && wanted) {
             begin = transparent_from(triangles, pairs, begin, end);
-            uint samples = draw_opaque(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, faces,
-                                       palette, weights, normals, view, z_far, behind);
+            uint samples = draw_opaque(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, depth_scale,
+                                       faces, palette, weights, normals, view, z_far, behind);
             atomic_add(&solid, samples);
         }
         bool empty = begin == end;
@@ -98,8 +98,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                         ((uint *)(next + own))[k] = ends[p] != begin ? begin - start : slab;
                     }
             }
-            emit_tile(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, blocks, z_far, &layout, next,
-                      faces, palette, weights, normals, view, fragments, colors, 0);
+            emit_tile(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, depth_scale, blocks,
+                      z_far, &layout, next, faces, palette, weights, normals, view, fragments, colors, 0);
 
             uint sum = 0, most = 0;
             for (uint own = 0; own < STRIPS_A_LANE; ++own) {

@@ -6,7 +6,7 @@
 // tile_samples: how many samples of each tile have a surface.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
-                 global const uint *faces, global const void *palette, global const float *weights,
+                 float depth_scale, global const uint *faces, global const void *palette, global const float *weights,
                  global const float *normals, float view_x, float view_y, float view_z, global uint *tile_samples,
                  int side_bits, int picture_width, int picture_height, float red, float green, float blue,
                  int has_background, int keep_color, volatile global uint *clamped, global uint *image,
@@ -22,7 +22,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         VECTOR(ulong) z_far[STRIPS_A_LANE];
         Colors behind[STRIPS_A_LANE];
         uint samples = draw_opaque(triangles, pair_start, pairs, tile, pair_start[tile + 1], first_tile, columns, width, height,
-                                   faces, palette, weights, normals, (float3)(view_x, view_y, view_z), z_far, behind);
+                                   depth_scale, faces, palette, weights, normals, (float3)(view_x, view_y, view_z), z_far,
+                                   behind);
         atomic_add(&solid, samples);
         for (int own = 0; own < STRIPS_A_LANE; ++own) layer[own * LANES + get_local_id(0)] = behind[own];
         barrier(CLK_LOCAL_MEM_FENCE);

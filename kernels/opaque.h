@@ -23,8 +23,9 @@ INLINE uint transparent_from(global const Triangle *triangles, global const uint
 // Draws the tile's opaque records, those of its list before `until`, into each of the lane's strips: z_far, ABSENT where there
 // is none, and `behind`, colour and transmittance: 0 where there is one, else 1. Returns how many samples have one.
 INLINE uint draw_opaque(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, uint tile,
-                        uint until, uint first_tile, int columns, int width, int height, global const uint *faces,
-                        global const void *palette, global const float *weights, global const float *normals, float3 view,
+                        uint until, uint first_tile, int columns, int width, int height, float depth_scale,
+                        global const uint *faces, global const void *palette, global const float *weights,
+                        global const float *normals, float3 view,
                         VECTOR(ulong) *z_far, Colors *behind)
 {
     ENTER_TILE
@@ -32,7 +33,7 @@ INLINE uint draw_opaque(global const Triangle *triangles, global const uint *pai
     uint samples = 0;
     for (int own = 0; own < STRIPS_A_LANE; ++own) z_far[own] = (VECTOR(ulong))(ABSENT);
     VISITS((1u << TILE_BLOCKS) - 1)
-    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
     fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
     fragment = CONVERT(long, STRIP, covered) ? fragment : (VECTOR(ulong))(ABSENT);
     z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
@@ -44,6 +45,8 @@ INLINE uint draw_opaque(global const Triangle *triangles, global const uint *pai
         if (BITS_OF(found))
             colors_of(CONVERT(uint, STRIP, z_far[own]), own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette, weights,
                       normals, view, behind + own);
+        store_color(behind + own, behind + own);
+        read_color(behind + own, behind + own);
         behind[own].alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
         for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)  // from a record's place to its submission index
             if (((const int *)&found)[k]) {

@@ -46,7 +46,7 @@
 // and samples with an opaque surface.
 kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
-                 global const uint *faces, global const void *palette, global const float *weights,
+                 float depth_scale, global const uint *faces, global const void *palette, global const float *weights,
                  global const float *normals, float view_x, float view_y, float view_z, uint most_passes,
                  uint most_repeats, int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green,
@@ -76,8 +76,8 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         uint solid = 0;
         if (MIXED) {
             list_begin = transparent_from(triangles, pairs, list_begin, list_end);
-            solid = draw_opaque(triangles, pair_start, pairs, tile, list_begin, first_tile, columns, width, height, faces,
-                                palette, weights, normals, view, z_far, behind);
+            solid = draw_opaque(triangles, pair_start, pairs, tile, list_begin, first_tile, columns, width, height, depth_scale,
+                                faces, palette, weights, normals, view, z_far, behind);
         }
         Buffers buffers[STRIPS_A_LANE];
         VECTOR(int) more[STRIPS_A_LANE], stopped[STRIPS_A_LANE];  // stopped: where least_seen has left some out
@@ -93,7 +93,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             passed = 0, left_over = false;
             for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own);
             VISITS((1u << TILE_BLOCKS) - 1)
-            VECTOR(uint) key = keys_of(t, weight);
+            VECTOR(uint) key = keys_of(t, weight, depth_scale);
             if (MIXED) {
                 VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
                 submitted |= (VECTOR(ulong))((ulong)(BY_DEPTH ? 0xFFFFFFFFu : t->source));

@@ -9,7 +9,7 @@
 
 kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start,
                             global const uint *pairs, uint first_tile, int columns, int width,
-                            int height, global uint *pixel_end, global uint2 *tile_totals)
+                            int height, float depth_scale, global uint *pixel_end, global uint2 *tile_totals)
 {
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
@@ -39,7 +39,8 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 // A window is a run of the batch's fragments, of whole tiles or of a part of one: places are relative to its first.
 kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                            uint first_tile, uint window_tile, int columns, int width, int height,
-                           global const uint *pixel_end, global const uint *tile_start, uint window_start, uint capacity,
+                           float depth_scale, global const uint *pixel_end, global const uint *tile_start,
+                           uint window_start, uint capacity,
                            global const uint *faces, global const void *palette, global const float *weights,
                            global const float *normals, float view_x, float view_y, float view_z,
                            global ulong *fragments, global float4 *colors, global uint *sources)
@@ -52,6 +53,6 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
             int p = (own * LANES + (int)get_local_id(0)) * STRIP + k;
             ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) + tile_start[tile] - window_start;
         }
-    emit_tile(triangles, pair_start, pairs, tile, pair_start[tile], first_tile, columns, width, height, 0xFFFF, 0, &lists, next, faces, palette,
-              weights, normals, (float3)(view_x, view_y, view_z), fragments, colors, sources);
+    emit_tile(triangles, pair_start, pairs, tile, pair_start[tile], first_tile, columns, width, height, depth_scale,
+              0xFFFF, 0, &lists, next, faces, palette, weights, normals, (float3)(view_x, view_y, view_z), fragments, colors, sources);
 }

@@ -6,12 +6,13 @@
 //   rows     a strip's fragments side by side, a row for each layer; fixed room, and no need to know how many there are
 //   lists    pixel 0: first submitted .. last, pixel 1: ...; as long as they are
 //
-// A fragment is key << 32 | payload. key: DEPTH_KEY of its depth. payload: its face, or its own place where that has a colour
-// of its own (`colors`). Both grow with submission, so it is one integer, whose order is (depth, submission index).
+// A fragment is key << 32 | payload. key: that of its depth (depth.h). payload: its face, or its own place where that has a
+// colour of its own (`colors`). Both grow with submission, so it is one integer, whose order is (depth, submission index).
 // With FACING, which a technique defines that asks for it, the payload's lowest bit says that it is seen from behind.
 #ifndef RASTER_H
 #define RASTER_H
 
+#include "depth.h"
 #include "shading.h"
 #include "wide.h"
 
@@ -193,12 +194,12 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
     }
 
 // The depth keys of a strip's samples: the record's plane there, within the exact triangle's own depths.
-INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight[3])
+INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight[3], float depth_scale)
 {
     VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
     depth = MAX(depth, (VECTOR(float))(t->depth_min));
     depth = MIN(depth, (VECTOR(float))(t->depth_max));
-    return DEPTH_KEY(VECTOR(uint), depth);
+    return depth_key(depth, depth_scale);
 }
 
 // The barycentric weights of one sample: as VISITS has them, to the bit.
@@ -287,15 +288,16 @@ typedef struct { uint step, room, strip_room; } Layout;
 // z_far (opaque.h); at the end `next` is beyond the last, whether there was room or not. sources: where the payload is a place,
 // the faces, if they are wanted; else NULL.
 INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                      uint tile, uint begin, uint first_tile, int columns, int width, int height, uint blocks,
-                      const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next, global const uint *faces, global const void *palette,
-                      global const float *weights, global const float *normals, float3 view, global ulong *fragments,
-                      global float4 *colors, global uint *sources)
+                      uint tile, uint begin, uint first_tile, int columns, int width, int height, float depth_scale,
+                      uint blocks, const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next,
+                      global const uint *faces, global const void *palette, global const float *weights,
+                      global const float *normals, float3 view, global ulong *fragments, global float4 *colors,
+                      global uint *sources)
 {
     ENTER_TILE
     list_begin = begin;
     VISITS(blocks)
-    VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight)) << (VECTOR(ulong))(32);
+    VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
 #if MIXED
     covered &= CONVERT(int, STRIP, (value | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block)]);
 #endif

@@ -7,12 +7,12 @@
 //   FIRST_SOLID   MIN blending of (depth, 1) where front-facing and (1, depth) where not: from the nearest front-facing
 //                 crossing to the nearest back-facing one
 //
-// The last two store no fragments and sort nothing. Depths are keys (common.h), so that 1 is ~0 and 1 - depth is ~depth.
+// The last two store no fragments and sort nothing. Depths are keys (depth.h), so that 1 is ~0 and 1 - depth is ~depth.
 // Coverage is exact, so that every sample of a closed mesh has as many front-facing as back-facing crossings. Where a pixel's
 // crossings do not pair up (the count does not end at zero; no back-facing one behind the first front-facing one) it is
 // unpaired: the mesh is open there, or cut by a clipping plane.
 //
-// parameters: what a length is multiplied with, then those of the technique.
+// parameters: what a length is multiplied with, the scale of depths (depth.h), then those of the technique.
 // found: thickness, 1 where unpaired, 1 where there is any fragment, 0.
 //
 // The technique defines, before it includes this,
@@ -31,13 +31,6 @@
 // Here, as each file is put in once, where it is first asked for, and what draw.h and peel.h share must not stand in either.
 #include "opaque.h"
 #include "sorting.h"
-
-// The depth of a key.
-INLINE VECTOR(float) depth_of(VECTOR(uint) key)
-{
-    VECTOR(int) negative = (key & (VECTOR(uint))(0x80000000u)) != (VECTOR(uint))(0u);
-    return PASTE(as_, VECTOR(float))(negative ? key : ~key & (VECTOR(uint))(0x7FFFFFFFu));
-}
 
 // The length between two crossings, before it is multiplied with what the host says. Window depths, and distances in parallel
 // projection, are linear in depth: the host then says that there is no PERSPECTIVE. Else depth is near / distance, and
@@ -63,7 +56,7 @@ INLINE void measure(VECTOR(int) covered, VECTOR(float) length, VECTOR(int) unpai
     found->green = covered & unpaired ? one : zero;
     found->blue = covered ? one : zero;
     found->alpha = zero;
-    shown(foremost, found->red, parameters + 1, resolved);
+    shown(foremost, found->red, parameters + 2, resolved);
     resolved->red = covered ? resolved->red : zero;
     resolved->green = covered ? resolved->green : zero;
     resolved->blue = covered ? resolved->blue : zero;
@@ -99,7 +92,7 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
         for (uint k = 0; k < MIN(deepest - first, (uint)RUN_MAX); ++k) {
             VECTOR(int) present = CONVERT(int, STRIP, all[k] != (VECTOR(ulong))(ABSENT));
             VECTOR(int) within = present & (winding != (VECTOR(int))(0));
-            VECTOR(float) depth = depth_of(CONVERT(uint, STRIP, all[k] >> (VECTOR(ulong))(32)));
+            VECTOR(float) depth = depth_of(CONVERT(uint, STRIP, all[k] >> (VECTOR(ulong))(32)), parameters[1]);
             VECTOR(float) passed = length_between(before, depth);
             length += within ? passed : (VECTOR(float))(0.0f);
             winding += present & (is_back(CONVERT(uint, STRIP, all[k])) ? (VECTOR(int))(-1) : (VECTOR(int))(1));
@@ -182,9 +175,9 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen) { return (VECTOR(int))
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return (VECTOR(float))(0.0f); }
 
-INLINE VECTOR(float) depth_at(const Fragments *f)
+INLINE VECTOR(float) depth_at(const Fragments *f, float scale)
 {
-    return depth_of(PASTE(as_, VECTOR(uint))(f->key) ^ (VECTOR(uint))(0x80000000u));
+    return depth_of(PASTE(as_, VECTOR(uint))(f->key) ^ (VECTOR(uint))(0x80000000u), scale);
 }
 
 INLINE void merge(const Buffers *b, Colors *merged, global const float *parameters, Colors *found)
@@ -195,7 +188,7 @@ INLINE void merge(const Buffers *b, Colors *merged, global const float *paramete
 #if VARIANT == FIRST_SOLID
     paired = is_there(&b->red) & is_there(&b->green) & (b->red.key <= b->green.key);
 #endif
-    VECTOR(float) length = length_between(depth_at(&nearer), depth_at(&farther));
+    VECTOR(float) length = length_between(depth_at(&nearer, parameters[1]), depth_at(&farther, parameters[1]));
     length = paired ? length : (VECTOR(float))(0.0f);
     measure(covered, length, ~paired, &b->color, parameters, merged, found);
 }

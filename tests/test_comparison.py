@@ -32,7 +32,7 @@ from clpeel.comparison import COLUMNS, FIGURES, FLIP_HINT, STEP, Comparison, Row
 from clpeel.comparison_page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
 from clpeel.renderer import Renderer
 from clpeel.techniques import TECHNIQUES
-from clpeel.techniques.weighted_sum import PRECISIONS
+from clpeel.blending import PRECISIONS
 
 if TYPE_CHECKING:
     from conftest import Judge

@@ -112,7 +112,8 @@ def test_keys_order_depths_front_to_back():
     features = Features(1, True, False, "scene", True, False)
     text = source("raster.cl") + (
         "kernel void keys(global const float *depths, global uint *out)"
-        "{ int i = get_global_id(0); out[i] = DEPTH_KEY(uint, depths[i]); }"
+        "{ int i = get_global_id(0); VECTOR(uint) key = depth_key((VECTOR(float))(depths[i]), 1.0f);"
+        "out[i] = ((const uint *)&key)[0]; }"
     )
     built = cl.Program(gpu.context, text).build(options=features.options())
     depths = gpu.put("depths", np.array(values, np.float32))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from clpeel.blending import DEFAULT_PRECISION, PRECISION, check_precision
 from clpeel.composite import Finished
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
@@ -31,7 +32,7 @@ ERROR_BOUND = "error_bound"
 MAX_ERROR = "max_error"
 """Option of all that blend in order: leave out what cannot change a channel by more, and tell by how much (draw.py)."""
 
-PEELING = ("passes", "occlusion_query", "coincident", MAX_ERROR, LAYERS)
+PEELING = ("passes", "occlusion_query", "coincident", MAX_ERROR, PRECISION, LAYERS)
 """Options of all that peel until nothing is left (peel.py)."""
 
 
@@ -57,6 +58,7 @@ class Technique:
     fragment_bytes: int = 0
     passes: int = 0  # geometry passes at least, as the papers count them; those that peel need more for more layers
     exact: bool = False
+    paper_precision: str = DEFAULT_PRECISION  # of its colour buffers in the paper (blending.py)
     options: tuple[str, ...] = ()  # of `render`, that it has besides those of all techniques
     maps: tuple[str, ...] = ()  # of `Result`, that it makes besides the picture; the first is what `--map` writes
     finish: Callable[..., Finished] | None = None
@@ -74,7 +76,7 @@ TECHNIQUES: dict[str, Technique] = {
         fragment_bytes=sort.SCRATCH_BYTES,
         passes=1,
         exact=True,
-        options=(MAX_ERROR, LAYERS),
+        options=(MAX_ERROR, PRECISION, LAYERS),
         peeled=sort.peeled,
         check=sort.check,
     ),
@@ -83,6 +85,7 @@ TECHNIQUES: dict[str, Technique] = {
         depth_peeling.draw,
         depth_peeling.buffer_bytes,
         exact=True,
+        paper_precision="unorm8",
         options=PEELING,
         peeled=depth_peeling.peeled,
         check=check_peeling,
@@ -94,6 +97,7 @@ TECHNIQUES: dict[str, Technique] = {
         dual_depth_peeling.buffer_bytes,
         passes=dual_depth_peeling.FIRST_PASSES,
         exact=True,
+        paper_precision="unorm8",
         options=PEELING,
         peeled=dual_depth_peeling.peeled,
         check=check_peeling,
@@ -104,6 +108,7 @@ TECHNIQUES: dict[str, Technique] = {
         multi_layer_peeling.draw,
         multi_layer_peeling.buffer_bytes,
         exact=True,
+        paper_precision="unorm8",
         options=(*PEELING, "layers_per_pass", "hazard_window", "hazard_order", "torn_writes"),
         peeled=multi_layer_peeling.peeled,
         check=multi_layer_peeling.check,
@@ -113,7 +118,8 @@ TECHNIQUES: dict[str, Technique] = {
         glowscript.SUMMARY,
         glowscript.draw,
         glowscript.buffer_bytes,
-        options=("passes", "coincident", LAYERS),
+        paper_precision="unorm8",
+        options=("passes", "coincident", PRECISION, LAYERS),
         peeled=glowscript.peeled,
         check=glowscript.check,
         passes_for=glowscript.passes_for,
@@ -143,16 +149,18 @@ TECHNIQUES: dict[str, Technique] = {
         weighted_average.draw,
         weighted_sum.buffer_bytes,
         passes=1,
-        options=("precision",),
-        check=weighted_sum.check,
+        paper_precision="half",
+        options=(PRECISION,),
+        check=check_precision,
     ),
     "weighted-sum": Technique(
         weighted_sum.SUMMARY,
         weighted_sum.draw,
         weighted_sum.buffer_bytes,
         passes=1,
-        options=("precision",),
-        check=weighted_sum.check,
+        paper_precision="half",
+        options=(PRECISION,),
+        check=check_precision,
     ),
 }
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from clpeel.layout import ALL_LAYERS, COLOR_BYTES, FRAGMENT_BYTES
+from clpeel.blending import color_bytes
+from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
 from clpeel.peel import peel
 
 SUMMARY = "exact: peels the nearest and the farthest layer in each geometry pass; N layers take N / 2 + 1 passes"
@@ -23,7 +24,7 @@ def passes_for(layers: int, options: dict[str, Any]) -> int:
 
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     """Two min-max depth buffers, a front and a back colour; see Buffers in the kernel file."""
-    return 4 * FRAGMENT_BYTES + 2 * COLOR_BYTES
+    return 4 * FRAGMENT_BYTES + 2 * color_bytes(options)
 
 
 draw = partial(peel, "techniques/dual-depth-peeling.cl", FIRST_PASSES)

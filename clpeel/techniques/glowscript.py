@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from clpeel.blending import DEFAULT_PRECISION, color_bytes
 from clpeel.draw import Drawn
-from clpeel.layout import COLOR_BYTES, FRAGMENT_BYTES
+from clpeel.layout import FRAGMENT_BYTES
 from clpeel.peel import check_peeling, checked_count, peel
 
 SUMMARY = (
@@ -25,13 +26,13 @@ def passes_for(layers: int, options: dict[str, Any]) -> int:
 
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     """z_near, slot, whether there is more, and the peels' colours; see Buffers in the kernel file."""
-    return 2 * FRAGMENT_BYTES + 4 + MOST_PEELS * COLOR_BYTES
+    return 2 * FRAGMENT_BYTES + 4 + MOST_PEELS * color_bytes(options)
 
 
-def check(passes: int = MOST_PEELS, coincident: str = "keep") -> None:
+def check(passes: int = MOST_PEELS, coincident: str = "keep", precision: str = DEFAULT_PRECISION) -> None:
     """InputError where one of the options cannot be."""
     checked_count("passes", passes, MOST_PEELS)
-    check_peeling(coincident=coincident)
+    check_peeling(coincident=coincident, precision=precision)
 
 
 def draw(*arguments: Any, passes: int = MOST_PEELS, **options: Any) -> Drawn:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from clpeel.blending import color_bytes
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
-from clpeel.layout import ALL_LAYERS, COLOR_BYTES, FRAGMENT_BYTES
+from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
 from clpeel.peel import check_peeling, checked_count, peel
 
 SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
@@ -47,7 +48,7 @@ def passes_for(layers: int, options: dict[str, Any]) -> int:
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     """z_near, a slot for each layer of a pass, whether there is more, the colour; see Buffers in the kernel file."""
     slots = options.get("layers_per_pass", layers_per_pass())
-    return FRAGMENT_BYTES * (1 + slots) + 4 + COLOR_BYTES
+    return FRAGMENT_BYTES * (1 + slots) + 4 + color_bytes(options)
 
 
 def check(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from clpeel.binning import Batch
+from clpeel.blending import DEFAULT_PRECISION, check_precision, precision_define
 from clpeel.device import Gpu
 from clpeel.draw import Drawn, Report, bounded, checked_error, draw_once
 from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
@@ -32,17 +33,20 @@ def draw(
     report: Report | None = None,
     *,
     max_error: float | None = None,
+    precision: str = DEFAULT_PRECISION,
 ) -> Drawn:
-    """Draws a batch of tiles. max_error: as for bounded (draw.py), which raises InputError where it cannot be."""
+    """Draws a batch of tiles. max_error: as for bounded (draw.py). Raises InputError where an option cannot be."""
     target, bounds = bounded(gpu, target, max_error)
-    return draw_once("techniques/sort.cl", SCRATCH_BYTES, gpu, triangles, batch, target, capacity, report, **bounds)
+    constants = {**bounds, **precision_define(precision)}
+    return draw_once("techniques/sort.cl", SCRATCH_BYTES, gpu, triangles, batch, target, capacity, report, **constants)
 
 
-def check(max_error: float | None = None) -> None:
-    """InputError where the option cannot be."""
+def check(max_error: float | None = None, precision: str = DEFAULT_PRECISION) -> None:
+    """InputError where one of the options cannot be."""
     checked_error(max_error)
+    check_precision(precision)
 
 
-def peeled(max_error: float | None = None) -> tuple[int, int]:
+def peeled(**_: Any) -> tuple[int, int]:
     """All layers, from the front."""
     return ALL_LAYERS, 0

@@ -52,19 +52,20 @@ def measure(
     target: dict[str, Any],
     capacity: int,
     report: Any = None,
+    **constants: int,
 ) -> Drawn:
     """Draws a batch with the kernel file `path`, and finds its thickness (picture.values: thickness.h).
 
     variant: one of VARIANTS, else InputError. projected: in window depths rather than scene units. parameters: the
-    technique's own.
+    technique's own. constants: of its kernel.
     """
     if variant not in VARIANTS:
         raise InputError(f"variant: expected one of {', '.join(VARIANTS)}; got {variant!r}")
     if projected not in (False, True):
         raise InputError(f"projected: expected True or False, got {projected!r}")
-    numbers = np.array([length_unit(triangles, projected), *parameters])
+    numbers = np.array([length_unit(triangles, projected), triangles.depth_scale, *parameters])
     target = {**target, "parameters": gpu.put("parameters", numbers.astype(np.float32))}
-    defines = {"VARIANT": VARIANTS.index(variant)}
+    defines = {"VARIANT": VARIANTS.index(variant), **constants}
     features = triangles.features
     linear = projected or not features.perspective  # thickness.h, length_between
     # Where positions are pairs has been seen to: one build less.

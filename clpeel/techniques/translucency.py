@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from clpeel.blending import DEFAULT_PRECISION, PRECISION, precision_define
 from clpeel.composite import Finished, Picture
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
@@ -20,7 +21,7 @@ from clpeel.scene import checked_rgb
 from clpeel.techniques.thickness import maps_of, measure
 
 SUMMARY = "surfaces with a light behind them, which comes through where they are thin"
-OPTIONS = ("variant", "sigma", "light_color")
+OPTIONS = ("variant", "sigma", "light_color", PRECISION)
 
 LIGHT_COLOR = (1.0, 0.93, 0.8)
 """A warm white."""
@@ -53,10 +54,12 @@ def draw(
     variant: str = "exact",
     sigma: float | None = None,
     light_color: Sequence[float] = LIGHT_COLOR,
+    precision: str = DEFAULT_PRECISION,
 ) -> Drawn:
     """Draws a batch of tiles. Raises InputError where an option cannot be."""
     parameters = extinction(triangles, sigma), *checked_rgb("light_color", light_color), REFLECTANCE
-    return measure("techniques/translucency.cl", variant, False, parameters, gpu, triangles, *arguments)
+    constants = precision_define(precision)
+    return measure("techniques/translucency.cl", variant, False, parameters, gpu, triangles, *arguments, **constants)
 
 
 def finish(

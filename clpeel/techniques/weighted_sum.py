@@ -8,13 +8,11 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from clpeel.blending import DEFAULT_PRECISION, precision_define
 from clpeel.draw import Drawn, draw_once
-from clpeel.errors import InputError
 from clpeel.layout import FRAGMENT_BYTES
 
 SUMMARY = "fast, not exact: adds up the colours times their alphas in any order; right where alphas are small"
-PRECISIONS = ("float32", "half")
-"""Of the buffers that sums are kept in: half is the papers', rounded to 16 bits at every sum."""
 
 
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
@@ -22,16 +20,9 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     return FRAGMENT_BYTES * layers
 
 
-def check(precision: str = "float32") -> None:
-    """InputError where the option cannot be."""
-    if precision not in PRECISIONS:
-        raise InputError(f"precision: expected one of {', '.join(PRECISIONS)}; got {precision!r}")
-
-
-def draw_sums(path: str, *arguments: Any, precision: str = "float32") -> Drawn:
+def draw_sums(path: str, *arguments: Any, precision: str = DEFAULT_PRECISION) -> Drawn:
     """Draws a batch by the kernel file `path`, with sums of that precision (PRECISIONS, else InputError)."""
-    check(precision)
-    return draw_once(path, 0, *arguments, HALF_SUMS=int(precision == "half"))
+    return draw_once(path, 0, *arguments, **precision_define(precision))
 
 
 draw = partial(draw_sums, "techniques/weighted-sum.cl")

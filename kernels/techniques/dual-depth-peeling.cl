@@ -22,9 +22,8 @@ INLINE void clear_buffers(Buffers *b)
     // All fragments lie between.
     clear_to(&b->next_nearest, NEAREST_KEY);
     clear_to(&b->next_farthest, FARTHEST_KEY);
-    b->front.red = b->front.green = b->front.blue = (VECTOR(float))(0.0f);
-    b->front.alpha = (VECTOR(float))(1.0f);
-    b->back = b->front;
+    clear_buffer(&b->front);
+    clear_buffer(&b->back);
 }
 
 // Whether the pass before found a layer that is the back's: where both fronts meet, the fragment is the front's.
@@ -64,11 +63,14 @@ INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
     else blend_under(&b->front, colors);
 }
 
+// What lies between is seen through the front, and changes what is seen of the back.
+INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->front.alpha); }
+
 // Nothing more is to be peeled where nothing lies between, or too little behind the front could be seen.
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     VECTOR(int) more = is_there(&b->next_nearest) & (b->front.alpha > (VECTOR(float))(0.0f));
-    VECTOR(int) left = more & (b->front.alpha > (VECTOR(float))(least_seen));
+    VECTOR(int) left = more & (seen_through(b) > (VECTOR(float))(least_seen));
     Fragments none;
     clear_to(&none, FARTHEST_KEY);
     replace(&b->next_nearest, ~left, &none);
@@ -77,14 +79,13 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
     return more;
 }
 
-// What lies between is seen through the front, and changes what is seen of the back.
-INLINE VECTOR(float) seen_through(const Buffers *b) { return b->front.alpha; }
-
 // The front under-blends the back, and both what is behind them.
 INLINE void merge(const Buffers *b, Colors *merged)
 {
-    Colors front = b->front;
-    put_over(&front, &b->back);
+    Colors front, back;
+    read_color(&b->front, &front);
+    read_color(&b->back, &back);
+    put_over(&front, &back);
     put_over(&front, merged);
     *merged = front;
 }

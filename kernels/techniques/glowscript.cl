@@ -44,7 +44,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
 
 INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot.payload; }
 
-INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { b->peel[b->peels++] = *colors; }
+INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { store_color(b->peel + b->peels++, colors); }
 
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
@@ -57,13 +57,19 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 INLINE VECTOR(float) seen_through(const Buffers *b)
 {
     VECTOR(float) transmittance = (VECTOR(float))(1.0f);
-    for (uint k = 0; k < b->peels; ++k) transmittance *= 1.0f - b->peel[k].alpha;
+    for (uint k = 0; k < b->peels; ++k) transmittance *= 1.0f - read_channel(b->peel[k].alpha);
     return transmittance;
 }
 
 INLINE void merge(const Buffers *b, Colors *merged)
 {
-    for (uint k = b->peels; k > 0; --k) blend_over(merged, b->peel + k - 1);
+    for (uint k = b->peels; k > 0; --k) {
+        Colors peel;
+        read_color(b->peel + k - 1, &peel);
+        Colors front = {peel.alpha * peel.red, peel.alpha * peel.green, peel.alpha * peel.blue, 1.0f - peel.alpha};
+        put_over(&front, merged);
+        *merged = front;
+    }
 }
 
 #include "peel.h"

@@ -44,8 +44,7 @@ INLINE void clear_buffers(Buffers *b)
 {
     for (int k = 0; k < STRIP; ++k) b->z_near[k] = 0;
     clear_slots(b);
-    b->color.red = b->color.green = b->color.blue = (VECTOR(float))(0.0f);
-    b->color.alpha = (VECTOR(float))(1.0f);
+    clear_buffer(&b->color);
 }
 
 INLINE uint begin_pass(Buffers *b)
@@ -149,11 +148,12 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
     return left;
 }
 
-INLINE VECTOR(float) seen_through(const Buffers *b) { return b->color.alpha; }
+INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->color.alpha); }
 
 INLINE void merge(const Buffers *b, Colors *merged)
 {
-    Colors front = b->color;
+    Colors front;
+    read_color(&b->color, &front);
     put_over(&front, merged);
     *merged = front;
 }

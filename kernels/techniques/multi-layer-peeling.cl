@@ -23,8 +23,7 @@ typedef struct {
 INLINE void clear_buffers(Buffers *b)
 {
     clear_to(&b->z_near, NEAREST_KEY);
-    b->color.red = b->color.green = b->color.blue = (VECTOR(float))(0.0f);
-    b->color.alpha = (VECTOR(float))(1.0f);
+    clear_buffer(&b->color);
 }
 
 INLINE uint begin_pass(Buffers *b)
@@ -62,21 +61,22 @@ INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot[i].payload; 
 
 INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
 
+INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->color.alpha); }
+
 // Nothing passes any more where no layer was found for the last slot, or too little behind could be seen.
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     const Fragments *last = b->slot + LAYERS_A_PASS - 1;
-    VECTOR(int) left = is_there(last) & (b->color.alpha > (VECTOR(float))(least_seen));
+    VECTOR(int) left = is_there(last) & (seen_through(b) > (VECTOR(float))(least_seen));
     clear_to(&b->z_near, FARTHEST_KEY);
     replace(&b->z_near, left, last);
     return b->more & is_there(last) & (b->color.alpha > (VECTOR(float))(0.0f));
 }
 
-INLINE VECTOR(float) seen_through(const Buffers *b) { return b->color.alpha; }
-
 INLINE void merge(const Buffers *b, Colors *merged)
 {
-    Colors front = b->color;
+    Colors front;
+    read_color(&b->color, &front);
     put_over(&front, merged);
     *merged = front;
 }

@@ -25,24 +25,27 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
 #else
     const float least_seen = 0.0f;
 #endif
+    Colors color;
+    clear_buffer(&color);
     uint deepest = sort_deep(fragments, scratch, begin, count);
     for (uint first = 0; first < deepest; first += RUN_MAX) {
         VECTOR(ulong) all[RUN_MAX];
         uint row_count = load_sorted(fragments, begin, step, count, first, deepest, all);
-        for (uint row = 0; row < row_count && is_seen(resolved->alpha, least_seen); row += ROWS) {
+        for (uint row = 0; row < row_count && is_seen(read_channel(color.alpha), least_seen); row += ROWS) {
             Colors source[ROWS];
             uint fetched = MIN(deepest - first - row, (uint)ROWS);
             fetch_colors(all + row, fetched, colors, source);
             for (uint k = 0; k < fetched; ++k) {
 #if BOUNDED
-                VECTOR(int) seen = resolved->alpha > (VECTOR(float))(least_seen);
+                VECTOR(int) seen = read_channel(color.alpha) > (VECTOR(float))(least_seen);
                 source[k].alpha = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(source[k].alpha) & seen);
                 blended -= PASTE(as_, VECTOR(uint))(seen);
 #endif
-                blend_under(resolved, source + k);
+                blend_under(&color, source + k);
             }
         }
     }
+    read_color(&color, resolved);
 #if BOUNDED
     VECTOR(int) hidden = count > blended;
     found->red = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(resolved->alpha) & hidden);

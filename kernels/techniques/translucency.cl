@@ -43,6 +43,8 @@ INLINE void shown(const Colors *foremost, VECTOR(float) thickness, global const 
     resolved->green = seen_in(foremost->green, reflectance, parameters[2] * through);
     resolved->blue = seen_in(foremost->blue, reflectance, parameters[3] * through);
     resolved->alpha = (VECTOR(float))(0.0f);
+    store_color(resolved, resolved);
+    read_color(resolved, resolved);
 }
 
 #include "thickness.h"

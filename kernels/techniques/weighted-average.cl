@@ -44,8 +44,8 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
                           VECTOR(uint) count, global const void *colors, Colors *resolved)
 {
     add_up(fragments, begin, step, count, colors, resolved);
-    // A buffer of 16-bit floats counts to 2048: one more is rounded away.
-    VECTOR(uint) n = HALF_SUMS ? MIN(count, (VECTOR(uint))(2048)) : count;
+    // A buffer of 16-bit floats counts to 2048: one more is rounded away. One of 8 bits counts its steps, to 255.
+    VECTOR(uint) n = PRECISION ? MIN(count, (VECTOR(uint))(PRECISION == 1 ? 2048 : 255)) : count;
     VECTOR(float) sum = resolved->alpha;
     VECTOR(int) some = sum != (VECTOR(float))(0.0f);
     Parts power;

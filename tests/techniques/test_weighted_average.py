@@ -129,5 +129,5 @@ def test_half_is_that_of_numpy() -> None:
 
 def test_a_precision_there_is_not() -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
-    with pytest.raises(clpeel.InputError, match="precision: expected one of float32, half; got 'double'"):
+    with pytest.raises(clpeel.InputError, match="precision: expected one of float32, half, unorm8; got 'double'"):
         clpeel.render(scene, AHEAD.camera(), (2, 2), "weighted-average", precision="double")
