@@ -38,16 +38,16 @@ class Picture:
     """The picture being made, in the host's own arrays, which the device fills tile by tile.
 
     image: uint8 [height, width, 4]; color: float32 [height, width, 4] premultiplied, or None where not wanted;
-    values: float32 [height, width, 4] that a technique finds besides, the means of a pixel's samples, or None.
+    values: float32 [height, width, 1 or 4] that a technique finds besides, the means of a pixel's samples, or None.
     """
 
-    def __init__(self, gpu: Gpu, size: tuple[int, int], keep_color: bool, keep_values: bool = False):
+    def __init__(self, gpu: Gpu, size: tuple[int, int], keep_color: bool, numbers: int = 0):
         width, height = size
         self.gpu = gpu
         self.size = size
         self.image: NDArray[np.uint8] = _aligned((height, width, 4), np.uint8)
         self.color: NDArray[np.float32] | None = _aligned((height, width, 4), np.float32) if keep_color else None
-        self.values: NDArray[np.float32] | None = _aligned((height, width, 4), np.float32) if keep_values else None
+        self.values: NDArray[np.float32] | None = _aligned((height, width, numbers), np.float32) if numbers else None
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
         self._image = cl.Buffer(gpu.context, flags, hostbuf=self.image)
         self._color = None if self.color is None else cl.Buffer(gpu.context, flags, hostbuf=self.color)
@@ -58,10 +58,10 @@ class Picture:
         arrays = [array for array in (self.image, self.color, self.values) if array is not None]
         return [sys.getrefcount(held) for array in arrays for held in (array, array.base)]
 
-    def fits(self, size: tuple[int, int], keep_color: bool, keep_values: bool = False) -> bool:
-        """Whether it has this size and what is to be kept."""
-        kept = self.color is not None, self.values is not None
-        return self.size == size and kept == (keep_color, keep_values)
+    def fits(self, size: tuple[int, int], keep_color: bool, numbers: int = 0) -> bool:
+        """Whether it has this size and what is to be kept, `numbers` of `values`."""
+        kept = self.color is not None, 0 if self.values is None else self.values.shape[2]
+        return self.size == size and kept == (keep_color, numbers)
 
     def is_free(self) -> bool:
         """Whether nobody else holds its arrays, nor a view of them, so that it may be drawn over."""

@@ -73,6 +73,7 @@ class Result:
     _color: NDArray[np.float32] | None
     maps: dict[str, NDArray[Any]] = field(default_factory=dict)
     _layers: Layers | None = None
+    _rounding: float = 0.0
 
     @property
     def layers(self) -> Layers:
@@ -115,7 +116,7 @@ class Result:
         samples, 0 where nothing was. Rounding adds what clpeel.blending.blending_bound says of the most layers of a
         sample, with an opaque one: 3 N + 4 roundings of 2^-24, and more where `precision` is coarser.
         """
-        return self.map(ERROR_BOUND)
+        return np.minimum(self.map(ERROR_BOUND) + np.float32(self._rounding), np.float32(1))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the image as a PNG, whole or not at all. Raises InputError when the place cannot be written."""
@@ -142,13 +143,13 @@ class Renderer:
             self._uploaded[lighting] = upload(self.gpu, with_normals(self.scene) if lit else self.scene, lit)
         return self._uploaded[lighting]
 
-    def _picture(self, size: tuple[int, int], keep_color: bool, keep_values: bool) -> Picture:
+    def _picture(self, size: tuple[int, int], keep_color: bool, numbers: int) -> Picture:
         """A picture to draw in: one of the last two, if nobody holds its result any more, or a new one."""
-        self._pictures = [held for held in self._pictures if held.fits(size, keep_color, keep_values)][-2:]
+        self._pictures = [held for held in self._pictures if held.fits(size, keep_color, numbers)][-2:]
         for held in self._pictures:
             if held.is_free():
                 return held
-        self._pictures.append(Picture(self.gpu, size, keep_color, keep_values))
+        self._pictures.append(Picture(self.gpu, size, keep_color, numbers))
         return self._pictures[-1]
 
     def render(
@@ -197,9 +198,9 @@ class Renderer:
         if depth_format not in DEPTH_FORMATS:
             raise InputError(f"depth_format: expected one of {', '.join(DEPTH_FORMATS)}; got {depth_format!r}")
         bounded = options.get(MAX_ERROR) is not None
-        keep_values = bounded or bool(chosen.maps)
+        numbers = 4 if chosen.maps else int(bounded)
         precision = options.get(PRECISION, DEFAULT_PRECISION)
-        check_picture_fits(size, 4 + 16 * (keep_color + keep_values))
+        check_picture_fits(size, 4 + 16 * keep_color + 4 * numbers)
         limit = None if memory is None else parse_memory(memory)
         if camera is None:
             camera = Camera.frame(self.scene, aspect=size[0] / size[1])
@@ -223,7 +224,7 @@ class Renderer:
             largest // (COLOR_BYTES if triangles.features.fragment_color else FRAGMENT_BYTES),
             2**31 - 1,  # places are signed where vectors are scattered (common.h)
         )
-        picture = self._picture(size, keep_color, keep_values)
+        picture = self._picture(size, keep_color, numbers)
         target = picture.begin(side, over)
         found: list[Drawn] = []
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
@@ -241,7 +242,7 @@ class Renderer:
         if bounded and picture.values is not None:
             if triangles.features.surfaces == "opaque":
                 picture.values[...] = 0  # its one pass finds none
-            done = with_error_bound(picture, layers_max + 1, precision)  # one more for what is opaque
+            done = with_error_bound(picture)
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
         # What no kernel took: compiling them the first time, the scene's upload, the host's own work and waiting.
@@ -304,7 +305,8 @@ class Renderer:
             seconds[LAYERS_STAGE] = time.perf_counter() - begun
             seconds["total"] = seconds.pop("total") + seconds[LAYERS_STAGE]
             report(1.0, "done")
-        return Result(done.image, stats, done.color, done.maps, found_layers)
+        rounding = blending_bound(layers_max + 1, precision)  # one more for what is opaque
+        return Result(done.image, stats, done.color, done.maps, found_layers, rounding)
 
 
 def render(
@@ -341,16 +343,12 @@ def check_layers(technique: str, layers: bool, samples: int) -> None:
             raise InputError(f"layers: expected samples=1, got {samples!r}")
 
 
-def with_error_bound(picture: Picture, layers: int, precision: str) -> Finished:
-    """The picture with its map of `Result.error_bound`, and what its stats say of the layers that were left out.
-
-    layers: the most of a sample that were not. precision: of the colour buffers (blending.py).
-    """
+def with_error_bound(picture: Picture) -> Finished:
+    """The picture with what the layers left out can have changed, without rounding, and what its stats say of that."""
     assert picture.values is not None
     hidden = picture.values[..., 0]
     stats = {"truncated_pixels": int(np.count_nonzero(hidden)), "truncation_bound": float(hidden.max())}
-    rounding = np.float32(blending_bound(layers, precision))
-    return Finished(picture.image, picture.color, {ERROR_BOUND: np.minimum(hidden + rounding, np.float32(1))}, stats)
+    return Finished(picture.image, picture.color, {ERROR_BOUND: hidden}, stats)
 
 
 def sums(parts: Iterable[tuple[tuple[tuple[int, int], ...], tuple[int, ...]]]) -> list[int]:

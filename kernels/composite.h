@@ -39,16 +39,33 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint sid
 #define VALUES 0
 #endif
 #if VALUES
-// What a technique finds besides colours: four numbers a sample, to the picture's pixels as the means of their samples.
-INLINE void store_values(local const Colors *found, uint tile, int columns, int side_bits, int width, int height,
-                         global float4 *values)
+// What a technique finds besides colours: one number or four of each of a strip's samples.
+#if BOUNDED
+typedef VECTOR(float) Found;
+#define NOTHING (VECTOR(float))(0.0f)
+#else
+typedef Colors Found;
+#define NOTHING {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f)}
+#endif
+
+// To the picture's pixels as the means of their samples.
+INLINE void store_values(local const Found *found, uint tile, int columns, int side_bits, int width, int height,
+                         global float *values)
 {
     uint bits = TILE_BITS - side_bits, side = 1u << side_bits;
     uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
     for (uint p = get_local_id(0); p < 1u << 2 * bits; p += LANES) {
         uint column = p & ((1u << bits) - 1), row = p >> bits;
         if (left + column >= (uint)width || top + row >= (uint)height) continue;
-        values[(size_t)(top + row) * width + left + column] = mean_of(found, column, row, side);
+        size_t at = (size_t)(top + row) * width + left + column;
+#if BOUNDED
+        float sum = 0.0f;
+        for (uint k = 0; k < side * side; ++k)
+            sum += ((local const float *)found)[pixel_at(column * side + k % side, row * side + k / side)];
+        values[at] = sum / (float)(side * side);
+#else
+        ((global float4 *)values)[at] = mean_of(found, column, row, side);
+#endif
     }
 }
 #endif

@@ -14,8 +14,8 @@
 //   resolve_strip(fragments, scratch, begin, step, count, colors, resolved)
 // which blends the count[k] fragments at begin[k], begin[k] + step, ... of a strip's pixels into `resolved`, from premultiplied
 // colour 0 and transmittance 1.
-// With VALUES it gets two more, (..., resolved, parameters, found): four numbers a pixel besides, from 0, and what it is told
-// for that.
+// With VALUES it gets two more, (..., resolved, parameters, found): what it finds of a pixel besides (composite.h), from 0, and
+// what it is told for that.
 #ifndef DRAW_H
 #define DRAW_H
 
@@ -39,12 +39,12 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  uint slab, global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green, float blue,
                  int has_background, int keep_color, volatile global uint *clamped, global uint *image,
-                 global float4 *color, global const float *parameters, global float4 *values)
+                 global float4 *color, global const float *parameters, global float *values)
 {
     local Colors layer[TILE_PIXELS / STRIP];
 #if VALUES
-    local Colors found[TILE_PIXELS / STRIP];
-    const Colors nothing = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f)};
+    local Found found[TILE_PIXELS / STRIP];
+    const Found nothing = NOTHING;
 #endif
     local uint ends[TILE_PIXELS] __attribute__((aligned(64)));  // inclusive prefix sum of the lists' room
     local uint taken, total, deepest, solid;
@@ -125,9 +125,13 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 Colors resolved = clear;
                 global const void *own_colors = FRAGMENT_COLOR ? (global const void *)colors : palette;
 #if VALUES
-                Colors measured = nothing;
+                Found measured = nothing;
                 resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved, parameters, &measured);
+#if BOUNDED
+                found[strip] = here ? measured : found[strip];
+#else
                 put_where(here, &measured, found + strip);
+#endif
 #else
                 resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved);
 #endif

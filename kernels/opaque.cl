@@ -10,7 +10,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  global const float *normals, float view_x, float view_y, float view_z, global uint *tile_samples,
                  int side_bits, int picture_width, int picture_height, float red, float green, float blue,
                  int has_background, int keep_color, volatile global uint *clamped, global uint *image,
-                 global float4 *color, global const float *parameters, global float4 *values)
+                 global float4 *color, global const float *parameters, global float *values)
 {
     local Colors layer[TILE_PIXELS / STRIP];
     local uint taken, solid;

@@ -20,8 +20,8 @@
 //                                           least_seen of it could be seen
 //   seen_through(buffers)                   the transmittance of what is peeled and lies in front of what is not
 //   merge(buffers, merged)                  puts the colour buffers over premultiplied colour and transmittance
-//                                           with VALUES (buffers, merged, parameters, found): and four numbers a pixel besides,
-//                                           unless these are those of BOUNDED (composite.h)
+//                                           with VALUES (buffers, merged, parameters, found): and what it finds besides, unless
+//                                           that is what BOUNDED asks for (composite.h)
 //
 // and, where concurrent writes may spoil a pass, REPEATS, so that it is repeated until nothing passes any more, before its layers
 // are blended:
@@ -51,11 +51,11 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                  uint most_repeats, int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals,
                  int side_bits, int picture_width, int picture_height, float red, float green,
                  float blue, int has_background, int keep_color, volatile global uint *clamped, global uint *image,
-                 global float4 *color, global const float *parameters, global float4 *values)
+                 global float4 *color, global const float *parameters, global float *values)
 {
     local Colors layer[TILE_PIXELS / STRIP];
 #if VALUES
-    local Colors found[TILE_PIXELS / STRIP];
+    local Found found[TILE_PIXELS / STRIP];
 #endif
     local uint taken, totals[TILE_TOTALS];
     const float3 view = (float3)(view_x, view_y, view_z);
@@ -147,10 +147,9 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             VECTOR(float) seen = seen_through(buffers + own);
             more[own] |= stopped[own];
 #if VALUES
-            Colors measured;
+            Found measured;
 #if BOUNDED
-            measured.green = measured.blue = measured.alpha = (VECTOR(float))(0.0f);
-            measured.red = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(seen) & more[own]);
+            measured = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(seen) & more[own]);
             merge(buffers + own, &merged);
 #else
             merge(buffers + own, &merged, parameters, &measured);

@@ -15,7 +15,7 @@ INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
                           VECTOR(uint) count, global const void *colors, Colors *resolved
 #if BOUNDED
-                          , global const float *parameters, Colors *found
+                          , global const float *parameters, VECTOR(float) *found
 #endif
                           )
 {
@@ -48,7 +48,7 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     read_color(&color, resolved);
 #if BOUNDED
     VECTOR(int) hidden = count > blended;
-    found->red = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(resolved->alpha) & hidden);
+    *found = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(resolved->alpha) & hidden);
 #endif
 }
 
