@@ -326,7 +326,9 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
     """How all commands that render do it, and what they say."""
     group = parser.add_argument_group("method")
     add = group.add_argument
-    add("--technique", default="sort", metavar="NAME", help="default: sort, exact; 'clpeel techniques' lists them")
+    text = "default: sort, exact; auto: what this picture needs; 'clpeel techniques' lists them"
+    add("--technique", default="sort", metavar="NAME", help=text)
+    add("--explain", action="store_true", help="with auto: what it chose, why, and what others would have cost")
     add("--passes", type=_count, metavar="N", help="peel so many times and stop, where the technique peels")
     add("--no-occlusion-query", action="store_true", help="make all --passes, whether they find anything or not")
     add("--coincident", metavar="keep|paper", help="of equal depths keep all fragments, or the first alone")

@@ -54,22 +54,37 @@ class Tiles:
     counts: cl.Buffer  # uint32 [chunks, tiles and more]: where each chunk's records begin in the tile's list
     tile_pairs: NDArray[np.int64]  # [tiles]
 
-    def batches(self, budget: int, tile_bytes: int = TILE_BYTES) -> Iterator[Batch]:
-        """All tiles, in runs whose lists, and `tile_bytes` for each tile, fit `budget` bytes (one tile at least)."""
+    def ranges(self, budget: int, tile_bytes: int = TILE_BYTES) -> list[tuple[int, int]]:
+        """First and last tiles of runs whose lists, and `tile_bytes` for each tile, fit `budget` bytes (one tile at
+        least)."""
         ends = np.cumsum(self.tile_pairs * PAIR_BYTES + tile_bytes)
-        tile, before = 0, 0
+        found, tile, before = [], 0, 0
         while tile < len(ends):
             last = max(int(np.searchsorted(ends, before + budget, side="right")) - 1, tile)
-            yield self._emit(tile, last)
+            found.append((tile, last))
             tile, before = last + 1, int(ends[last])
+        return found
+
+    def batches(self, budget: int, tile_bytes: int = TILE_BYTES, middle_first: bool = False) -> Iterator[Batch]:
+        """All tiles, in the runs of `ranges`; a batch is gone when the next is asked for.
+
+        middle_first: begins with the run that has the middle one of all records, as one that is like the others.
+        """
+        runs = self.ranges(budget, tile_bytes)
+        if middle_first:
+            middle = int(np.searchsorted(np.cumsum(self.tile_pairs), self.tile_pairs.sum() / 2))
+            runs.sort(key=lambda run: not run[0] <= middle <= run[1])  # the others stay in order
+        for first_tile, last_tile in runs:
+            yield self._emit(first_tile, last_tile)
 
     def _emit(self, first_tile: int, last_tile: int) -> Batch:
+        """The lists of these tiles, once: `counts` is used up."""
         tile_pairs = self.tile_pairs[first_tile : last_tile + 1]
         starts = np.zeros(len(tile_pairs) + 1, np.int64)
         np.cumsum(tile_pairs, out=starts[1:])
         pair_start = self.gpu.put("pair_start", starts.astype(np.uint32))
         pairs = self.gpu.buffer("pairs", (int(starts[-1]) + (1 + self.chunk_count) * PADDING) * PAIR_BYTES)
-        kernel = program(self.gpu, "stages.cl", self.triangles.features)["bin_emit"]
+        kernel = program(self.gpu, "stages.cl", self.triangles.setup_features)["bin_emit"]
         launch(
             self.gpu,
             STAGE,
@@ -99,7 +114,7 @@ def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
     chunk_records, chunks = cut(gpu, triangles.listed, budget // (4 * counts_apart))
     counts = gpu.buffer("counts", 4 * chunks * counts_apart)
     tile_pairs = gpu.buffer("tile_pairs", 4 * tile_count)
-    kernels = program(gpu, "stages.cl", triangles.features)
+    kernels = program(gpu, "stages.cl", triangles.setup_features)
     walk = _walk(triangles, columns, chunk_records, tile_count, counts)
     launch(gpu, STAGE, kernels["bin_count"], chunks, 1, **walk, first_row=0, last_row=rows - 1)
     launch(

@@ -271,11 +271,14 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
     import clpeel
     from clpeel.device import choose
     from clpeel.image import encode_map, encode_png
-    from clpeel.renderer import check_layers, parse_memory
-    from clpeel.techniques import technique
+    from clpeel.memory import parse_memory
+    from clpeel.renderer import check_layers
+    from clpeel.techniques import AUTO, technique
 
-    chosen = technique(options.technique)
-    map_output = None if options.map is None else _check_map(options.map, chosen.maps)
+    if options.explain and options.technique != AUTO:
+        raise InputError(f"--explain: expected --technique auto, whose choice it explains, got '{options.technique}'")
+    maps = () if options.technique == AUTO else technique(options.technique).maps
+    map_output = None if options.map is None else _check_map(options.map, maps)
     check_layers(options.technique, layers, options.samples)
     if options.memory is not None:
         parse_memory(options.memory)
@@ -347,7 +350,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         else:
             _write(output, encode_png(result.image))
         if map_output is not None:
-            _write(map_output, encode_map(result.map(chosen.maps[0])))
+            _write(map_output, encode_map(result.map(maps[0])))
     finally:
         progress.clear()
     written = time.perf_counter()
@@ -355,6 +358,8 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
     seconds = {"load": loaded - started, **result.stats["seconds"], "save": written - rendered}
     stats = {**result.stats, "seconds": seconds}
     _warn(options, stats)
+    if options.explain:
+        print("\n".join(stats["auto"]["explanation"]), file=sys.stderr if options.output == "-" else sys.stdout)
     if stats_output is not None:
         import json
 
@@ -378,7 +383,7 @@ def _warn(options: argparse.Namespace, stats: dict[str, Any]) -> None:
             f"note: {stats['unpaired_pixels']:,} pixels have crossings that do not pair up: "
             "the mesh is not watertight there, or is clipped"
         )
-    if stats.get("truncated_pixels") and options.max_error is None:
+    if stats.get("truncated_pixels") and options.max_error is None and "auto" not in stats:
         unit = "samples" if stats["samples"] > 1 else "pixels"
         _say(
             f"note: {stats['truncated_pixels']:,} {unit} have more layers than the passes peeled; "
@@ -408,7 +413,7 @@ def _run_compare(options: argparse.Namespace) -> int:
     import clpeel
     from clpeel.comparison import check_choice
     from clpeel.device import choose
-    from clpeel.renderer import parse_memory
+    from clpeel.memory import parse_memory
 
     check_choice(options.techniques, options.precisions)
     if options.memory is not None:
@@ -476,7 +481,7 @@ def _run_complexity(options: argparse.Namespace) -> int:
     import clpeel
     from clpeel.device import choose
     from clpeel.image import encode_png
-    from clpeel.renderer import parse_memory
+    from clpeel.memory import parse_memory
     from clpeel.terminal import format_complexity
 
     if options.memory is not None:

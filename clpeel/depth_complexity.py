@@ -5,46 +5,27 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import pyopencl as cl
 from numpy.typing import NDArray
 
-from clpeel import costs
-from clpeel.binning import BATCH_SHARE, PAIR_BYTES, bin_triangles
 from clpeel.camera import Camera
 from clpeel.colormap import colors_at
-from clpeel.costs import Cost
-from clpeel.device import Gpu
-from clpeel.draw import draw_tiles, groups_for
+from clpeel.counting import Counted, count_layers
 from clpeel.errors import InputError
+from clpeel.estimates import estimated_seconds
 from clpeel.image import save_png
-from clpeel.layout import ALL_LAYERS, COMPLEXITY_TOTALS, IS_OPAQUE, OPAQUE_BYTES, Features
-from clpeel.program import device_seconds, program
-from clpeel.projection import DeviceScene, project, upload
-from clpeel.raster import walk_arguments
-from clpeel.renderer import (
-    LIGHTINGS,
-    MIN_MEMORY,
-    MOST_LISTED,
-    Progress,
-    Renderer,
-    check_picture_fits,
-    checked_size,
-    parse_memory,
-)
+from clpeel.layout import ALL_LAYERS, OPAQUE_BYTES
+from clpeel.memory import parse_memory
+from clpeel.projection import upload
+from clpeel.renderer import LIGHTINGS, Progress, Renderer, check_picture_fits, checked_size
 from clpeel.renderer import OPAQUE as OPAQUE_CHOICES
 from clpeel.scale_bar import draw_scale_bar
 from clpeel.scene import Scene, checked_background
 from clpeel.techniques import TECHNIQUES, Technique
-
-STAGE = "counting"
-
-TILE_BYTES = 4 + 4 * COMPLEXITY_TOTALS
-"""Of a tile in a batch: where its list begins, and what is counted of it."""
 
 PIXEL_BYTES = 4 + 4 + 4 + 1
 """Of the host's memory: the counts as they come, the two maps, and a heat map."""
@@ -226,7 +207,7 @@ def complexity(
     report = progress or (lambda done, text: None)
     report(0.0, "uploading")
     on_device = upload(gpu, scene)
-    told = None if progress is None else report
+    told = None if progress is None else lambda done: report(done, "counting")
     counted = count_layers(gpu, on_device, camera, size, opaque == "first", limit, told)
     if counted.seconds < SOON:
         again = count_layers(gpu, on_device, camera, size, opaque == "first", limit, told)
@@ -236,146 +217,9 @@ def complexity(
             walk_seconds=min(counted.walk_seconds, again.walk_seconds),
         )
     report(1.0, "done")
-    shaded = replace(counted.features, headlight=lighting != "none").fragment_color
+    shaded = replace(counted.tiles.features, headlight=lighting != "none").fragment_color
     needs = tuple(need_of(name, counted, shaded) for name in TECHNIQUES)
     return Complexity(counted.layers, counted.opaque, needs, len(scene.faces), counted.seconds)
-
-
-# --- counting ---------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Counted:
-    """What counting found.
-
-    layers, opaque: as of Complexity. tiles: int64 [tiles, COMPLEXITY_TOTALS] (depth_complexity.cl); records: int64
-    [tiles], how long their lists are. features: of the scene. setup_seconds, walk_seconds: of the stages before, and
-    of counting.
-    """
-
-    layers: NDArray[np.int32]
-    opaque: NDArray[np.bool_]
-    tiles: NDArray[np.int64]
-    records: NDArray[np.int64]
-    features: Features
-    setup_seconds: float
-    walk_seconds: float
-
-    @property
-    def seconds(self) -> float:
-        """Of all stages."""
-        return self.setup_seconds + self.walk_seconds
-
-
-def count_layers(
-    gpu: Gpu,
-    scene: DeviceScene,
-    camera: Camera,
-    size: tuple[int, int],
-    opaque_first: bool,
-    limit: int | None = None,
-    report: Progress | None = None,
-) -> Counted:
-    """Counts the layers of a view, tiles in batches whose lists fit `limit` bytes with the scene."""
-    gpu.events.clear()
-    triangles = project(gpu, scene, camera, size, False, opaque_first)
-    features = triangles.features
-    held = scene.nbytes + triangles.nbytes
-    budget = max(gpu.default_budget(held) if limit is None else limit - held, MIN_MEMORY)
-    largest = int(gpu.device.max_mem_alloc_size)
-    tiles = bin_triangles(gpu, triangles, budget // BATCH_SHARE)
-    # Neither colours nor what depths were computed from plays a part any more: fewer builds.
-    plain = replace(features, perspective=True, low_positions=False, color_rate="scene", packed_color=True)
-    kernel = program(gpu, "depth_complexity.cl", plain, ALL_OPAQUE=int(features.surfaces == "opaque"))["count_layers"]
-    width, height = size
-    counts = np.empty((height, width), np.uint32)
-    on_device = cl.Buffer(gpu.context, cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR, hostbuf=counts)
-    done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
-
-    def at_tile(tile: int) -> None:
-        if report is not None:
-            report(float(done_pairs[tile - 1]), "counting")
-
-    found: list[NDArray[np.uint32]] = []
-    for batch in tiles.batches(min(budget // BATCH_SHARE, largest, MOST_LISTED), TILE_BYTES + PAIR_BYTES):
-        totals = gpu.buffer("tile_totals", 4 * COMPLEXITY_TOTALS * batch.tiles)
-        draw_tiles(
-            gpu,
-            STAGE,
-            kernel,
-            groups_for(gpu, batch),
-            batch,
-            None if report is None else at_tile,
-            **walk_arguments(triangles, batch),
-            layers=on_device,
-            tile_totals=totals,
-        )
-        found.append(gpu.get(totals, (batch.tiles, COMPLEXITY_TOTALS), np.uint32))
-    mapped, _ = cl.enqueue_map_buffer(
-        gpu.queue, on_device, cl.map_flags.READ, 0, counts.shape, counts.dtype, is_blocking=True
-    )
-    mapped.base.release(gpu.queue)
-    stages, _ = device_seconds(gpu)
-    on_device.release()
-    return Counted(
-        layers=(counts & np.uint32(IS_OPAQUE - 1)).view(np.int32),
-        opaque=counts >= np.uint32(IS_OPAQUE),
-        tiles=np.concatenate(found).astype(np.int64),
-        records=tiles.tile_pairs,
-        features=features,
-        setup_seconds=sum(seconds for stage, seconds in stages.items() if stage != STAGE),
-        walk_seconds=stages.get(STAGE, 0.0),
-    )
-
-
-# --- what it would take -----------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Work:
-    """How often the things are done that have a cost (costs.py); walk: nanoseconds that counting would take for it."""
-
-    walk: float
-    fragment: float
-    shaded: float
-    pixel: float
-
-    def nanoseconds(self, cost: Cost) -> float:
-        """What it takes where the costs were measured."""
-        return sum(count * each for count, each in zip(astuple(self), astuple(cost), strict=True))
-
-
-def counting_nanoseconds(records: Any, visits: Any) -> Any:
-    """Of a walk over so many records that visits so many strips, but for what counting stores of each pixel."""
-    return costs.RECORD * records + costs.VISIT * visits
-
-
-def work_of(technique: Technique, counted: Counted, shaded: bool) -> Work:
-    """What drawing takes: all of a tile's transparent records once in each pass that the tile needs.
-
-    A tile makes as many passes as its own deepest pixel needs, and one to find that there is none (peel.h).
-    """
-    fragments, deepest, solid, all_fragments, all_deepest, visits, opaque_visits, opaque_records = counted.tiles.T
-    records, pixels = counted.records, counted.layers.size
-    if technique.maps:  # of all surfaces, whatever their alphas
-        fragments, deepest, visits = all_fragments, all_deepest, visits + opaque_visits
-        opaque_visits = opaque_records = np.zeros_like(records)
-    elif counted.features.surfaces == "opaque":
-        drawn = float(solid.sum())
-        return Work(
-            counting_nanoseconds(float(records.sum()), float(opaque_visits.sum())), drawn, drawn * shaded, pixels
-        )
-    records = records - opaque_records
-    different, which = np.unique(deepest, return_inverse=True)
-    passes = np.array([max(technique.passes_for(int(layers), {}), 1) for layers in different], np.float64)[which]
-    drawn = float(fragments.sum()) - (left_out_by(technique, counted) or 0)
-    walks = passes * counting_nanoseconds(records, visits) + counting_nanoseconds(opaque_records, opaque_visits)
-    return Work(
-        walk=float(walks.sum()),
-        fragment=drawn,
-        shaded=drawn * shaded,
-        pixel=pixels,
-    )
 
 
 def left_out_by(technique: Technique, counted: Counted) -> int | None:
@@ -386,29 +230,12 @@ def left_out_by(technique: Technique, counted: Counted) -> int | None:
     return int(np.maximum(counted.layers - peeled, 0).sum(dtype=np.int64)) if peeled < ALL_LAYERS else 0
 
 
-def scale_of(counted: Counted) -> float:
-    """How many times as long counting took as it does where the costs were measured."""
-    expected = counting_nanoseconds(float(counted.records.sum()), float(counted.tiles[:, 5:7].sum()))
-    expected += costs.PIXEL * counted.layers.size
-    return counted.walk_seconds * 1e9 / expected
-
-
-def estimated_seconds(name: str, counted: Counted, shaded: bool) -> float | None:
-    """Of the stages before, as measured, and of drawing by the table, scaled as counting was beside the table."""
-    technique = TECHNIQUES[name]
-    all_opaque = counted.features.surfaces == "opaque" and not technique.maps
-    cost = costs.OPAQUE if all_opaque else costs.COSTS.get(name)
-    if cost is None:
-        return None
-    return counted.setup_seconds + 1e-9 * scale_of(counted) * work_of(technique, counted, shaded).nanoseconds(cost)
-
-
 def need_of(name: str, counted: Counted, shaded: bool) -> Need:
     """What the technique of that name would need."""
     technique = TECHNIQUES[name]
-    surfaces = counted.features.surfaces
+    surfaces = counted.tiles.features.surfaces
     # Maps are of all surfaces, whatever their alphas; all others have nothing left to do where all is opaque.
-    deepest = int(counted.tiles[:, 4 if technique.maps else 1].max())
+    deepest = int(counted.tiles.totals[:, 4 if technique.maps else 1].max())
     nothing = surfaces == "opaque" and not technique.maps
     kept = technique.buffer_bytes(deepest, {})
     return Need(
@@ -417,5 +244,5 @@ def need_of(name: str, counted: Counted, shaded: bool) -> Need:
         bytes_per_pixel=kept + (OPAQUE_BYTES if surfaces == "mixed" and not technique.maps else 0),
         exact=technique.exact,
         left_out=left_out_by(technique, counted),
-        seconds=estimated_seconds(name, counted, shaded),
+        seconds=estimated_seconds(name, technique, counted, shaded, {}),
     )

@@ -12,7 +12,16 @@ import numpy as np
 from clpeel.binning import Batch
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.layout import BLOCK_PIXELS, COLOR_BYTES, FRAGMENT_BYTES, FRAGMENT_PADDING, LIST_GAP, RUN_MAX, TILE_PIXELS
+from clpeel.layout import (
+    BLOCK_PIXELS,
+    COLOR_BYTES,
+    FRAGMENT_BYTES,
+    FRAGMENT_PADDING,
+    LIST_GAP,
+    RUN_MAX,
+    TILE_PIXELS,
+    Features,
+)
 from clpeel.program import Kernel, launch, program
 from clpeel.projection import Triangles
 from clpeel.raster import too_deep, walk_arguments
@@ -26,6 +35,9 @@ CACHED_FRAGMENTS = 1 << 22
 LEAST_ROWS, MOST_ROWS, ROWS_APART = 34, RUN_MAX + 2, 32
 """Layers that a strip has room for at once: 2 more than a multiple of 32, so that the rows of a tile's blocks, of 128
 bytes each, do not fall on the same places of a cache."""
+
+OWN_BUFFERS = ("fragments", "scratch", "colors", "tile_totals", "pass_totals")
+"""Of the device, by name: what a technique takes besides the scene, its records and lists."""
 
 REPORTED_PAIRS = 1 << 18
 """Records in tiles that are drawn between two reports of progress: some tenths of a second."""
@@ -119,6 +131,29 @@ def bounded(gpu: Gpu, target: dict[str, Any], max_error: float | None) -> tuple[
     return {**target, "parameters": gpu.put("parameters", np.array([least], np.float32))}, {"BOUNDED": 1}
 
 
+def slabs_for(gpu: Gpu, batch: Batch, capacity: int) -> tuple[int, int, int]:
+    """How many groups draw a batch (draw.h), the rows of a strip's layers, and the fragments of a group's slab."""
+    groups = groups_for(gpu, batch)
+    most_layers = int(batch.tile_pairs.max())  # there cannot be more
+    rows = min(
+        max(CACHED_FRAGMENTS // (groups * TILE_PIXELS), LEAST_ROWS),
+        MOST_ROWS,
+        -(-most_layers // ROWS_APART) * ROWS_APART + 2,
+    )
+    # Where many slabs are too much, fewer groups; at last, smaller slabs, which hold fewer rows.
+    slab = rows * TILE_PIXELS
+    return max(min(groups, capacity // slab), 1), rows, min(slab, capacity)
+
+
+def slab_bytes(
+    scratch_bytes: int, gpu: Gpu, features: Features, batch: Batch, capacity: int, options: dict[str, Any]
+) -> int:
+    """Of the device's memory that draw_once takes for a batch, unless a pixel has more fragments than a slab."""
+    groups, _, slab = slabs_for(gpu, batch, capacity // BLOCK_PIXELS * BLOCK_PIXELS)
+    deep = int(batch.tile_pairs.max()) > RUN_MAX
+    return groups * (slab + FRAGMENT_PADDING) * (features.fragment_bytes + scratch_bytes * deep) + 16 * batch.tiles
+
+
 def draw_once(
     path: str,
     scratch_bytes: int,
@@ -139,22 +174,14 @@ def draw_once(
     """
     features = triangles.features
     stage, kernel = path.removesuffix(".cl").rpartition("/")[2], program(gpu, path, features, **defines)["draw"]
-    groups = groups_for(gpu, batch)
-    most_layers = int(batch.tile_pairs.max())  # there cannot be more
-    rows = min(
-        max(CACHED_FRAGMENTS // (groups * TILE_PIXELS), LEAST_ROWS),
-        MOST_ROWS,
-        -(-most_layers // ROWS_APART) * ROWS_APART + 2,
-    )
+    deep = int(batch.tile_pairs.max()) > RUN_MAX
     tile_totals = gpu.buffer("tile_totals", 16 * batch.tiles)
     capacity = capacity // BLOCK_PIXELS * BLOCK_PIXELS  # slabs begin where rows may
-    layers_before, slab = 0, rows * TILE_PIXELS
+    groups, rows, slab = slabs_for(gpu, batch, capacity)
+    layers_before = 0
     while True:
-        # Where many slabs are too much, fewer groups; at last, smaller slabs, which hold fewer rows.
-        groups = max(min(groups, capacity // slab), 1)
-        slab = min(slab, capacity)
         room = groups * (slab + FRAGMENT_PADDING)
-        scratch = scratch_bytes if most_layers > RUN_MAX else 0
+        scratch = scratch_bytes if deep else 0
         buffers = {
             "fragments": gpu.buffer("fragments", FRAGMENT_BYTES * room),
             "scratch": gpu.buffer("scratch", scratch * room) if scratch else None,
@@ -184,3 +211,4 @@ def draw_once(
         if layers_max + LIST_GAP > capacity:
             raise too_deep(layers_max, capacity - LIST_GAP)
         layers_before, slab = slab - LIST_GAP, min(BLOCK_PIXELS * (layers_max + LIST_GAP), capacity)
+        groups = max(min(groups, capacity // slab), 1)

@@ -12,7 +12,7 @@ from clpeel.blending import DEFAULT_PRECISION, check_precision, precision_define
 from clpeel.device import Gpu
 from clpeel.draw import Drawn, Report, bounded, checked_error, draw_tiles, groups_for
 from clpeel.errors import InputError
-from clpeel.layout import BLOCK, BLOCK_PIXELS, BLOCKS_A_ROW, TILE, TILE_TOTALS
+from clpeel.layout import BLOCK, BLOCK_PIXELS, BLOCKS_A_ROW, TILE, TILE_TOTALS, Features
 from clpeel.program import program
 from clpeel.projection import Triangles
 from clpeel.raster import walk_arguments
@@ -56,6 +56,11 @@ def check_peeling(
         raise InputError(f"coincident: expected one of {', '.join(COINCIDENT)}; got {coincident!r}")
     checked_error(max_error)
     check_precision(precision)
+
+
+def totals_bytes(gpu: Gpu, features: Features, batch: Batch, capacity: int, options: dict[str, Any]) -> int:
+    """Of the device's memory that `peel` takes for a batch: a tile's buffers are its lane's own."""
+    return 16 * (int(batch.tile_pairs.max()) + 3) + 4 * TILE_TOTALS * batch.tiles
 
 
 def peel(

@@ -83,6 +83,11 @@ class Triangles:
         return self.listed + CLIP_TRIANGLES * self.clipped
 
     @property
+    def setup_features(self) -> Features:
+        """What the stages before fragments are compiled for: they know no depth format."""
+        return replace(self.features, depth_format=DEPTH_FORMATS[FLOAT32_REVERSED])
+
+    @property
     def depth_scale(self) -> float:
         """What window depths are multiplied with (depth.h)."""
         near, far = self.clipping

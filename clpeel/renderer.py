@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
-import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.binning import BATCH_SHARE, bin_triangles
+from clpeel.auto import choose
+from clpeel.binning import BATCH_SHARE, Batch, bin_triangles
 from clpeel.blending import DEFAULT_PRECISION, PRECISION, blending_bound
 from clpeel.camera import Camera
 from clpeel.composite import Finished, Picture
@@ -24,27 +25,25 @@ from clpeel.image import save_png
 from clpeel.layers import STAGE as LAYERS_STAGE
 from clpeel.layers import Layers, find_layers
 from clpeel.layout import COLOR_BYTES, DEPTH_FORMATS, FLOAT32_REVERSED, FRAGMENT_BYTES, MAX_SIDE, OPAQUE_BYTES
+from clpeel.memory import MIN_MEMORY, MOST_LISTED, parse_memory
 from clpeel.normals import with_normals
 from clpeel.opaque import draw_opaque
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
 from clpeel.scene import Scene, checked_background
-from clpeel.techniques import ERROR_BOUND, LAYERS, MAX_ERROR, with_map
+from clpeel.techniques import AUTO, ERROR_BOUND, LAYERS, MAX_ERROR, Technique, options_of, with_map
 from clpeel.techniques import technique as technique_named
 
 LIGHTINGS = ("none", "headlight")
 OPAQUE = ("first", "blend")
 """How surfaces whose alpha is 1 are drawn: before all others, which are then not drawn behind them, or as any other."""
 
-MIN_MEMORY = 1 << 20
-"""Bytes that fragments are given at least, however little is left of the budget."""
-
-MOST_LISTED = 2**31
-"""Bytes of a batch's lists: places in them are below 2**29, and so signed numbers of 32 bits (peeling.h)."""
-
 COMMON_OPTIONS = tuple(
     "camera size technique background lighting samples memory keep_color opaque depth_format progress".split()
 )
+AUTO_EXACT = "sort"
+"""What stands for auto until it has chosen: it has auto's options, and they mean the same."""
+
 SAMPLES = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples a pixel to samples a side; a side divides a tile's, so that a pixel's samples share a tile."""
 
@@ -186,8 +185,9 @@ class Renderer:
         """
         started = time.perf_counter()
         gpu = self.gpu
-        chosen = technique_named(technique)
         check_options(technique, options)
+        # What auto may choose has no maps, and the options that are left to be told apart.
+        chosen = technique_named(AUTO_EXACT if technique == AUTO else technique)
         chosen.check(**options)
         check_layers(technique, layers, samples)
         size = checked_size(size)
@@ -197,7 +197,7 @@ class Renderer:
             raise InputError(f"opaque: expected one of {', '.join(OPAQUE)}; got {opaque!r}")
         if depth_format not in DEPTH_FORMATS:
             raise InputError(f"depth_format: expected one of {', '.join(DEPTH_FORMATS)}; got {depth_format!r}")
-        bounded = options.get(MAX_ERROR) is not None
+        bounded = technique == AUTO or options.get(MAX_ERROR) is not None
         numbers = 4 if chosen.maps else int(bounded)
         precision = options.get(PRECISION, DEFAULT_PRECISION)
         check_picture_fits(size, 4 + 16 * keep_color + 4 * numbers)
@@ -218,31 +218,48 @@ class Renderer:
         batch_budget = budget // BATCH_SHARE
         largest = int(gpu.device.max_mem_alloc_size)
         tiles = bin_triangles(gpu, triangles, batch_budget)
-        fragment_bytes = triangles.features.fragment_bytes + chosen.fragment_bytes
-        capacity = min(
-            (budget - batch_budget) // fragment_bytes,
-            largest // (COLOR_BYTES if triangles.features.fragment_color else FRAGMENT_BYTES),
-            2**31 - 1,  # places are signed where vectors are scattered (common.h)
-        )
+
+        def capacity_of(technique: Technique) -> int:
+            return min(
+                (budget - batch_budget) // (triangles.features.fragment_bytes + technique.fragment_bytes),
+                largest // (COLOR_BYTES if triangles.features.fragment_color else FRAGMENT_BYTES),
+                2**31 - 1,  # places are signed where vectors are scattered (common.h)
+            )
+
+        list_budget = min(batch_budget, largest, MOST_LISTED)
+        batches, choice = tiles.batches(list_budget, middle_first=technique == AUTO), None
+        if technique == AUTO:
+            report(0.0, "looking")
+            looked_at = next(batches)
+            batches = chain((looked_at,), batches)
+            most_layers = int(tiles.tile_pairs.max())
+            choice = choose(gpu, triangles, looked_at, most_layers, capacity_of, options.get(MAX_ERROR), layers)
+            technique, options = choice.chosen.technique, choice.chosen.options
+            chosen = technique_named(technique)
+        capacity = capacity_of(chosen)
         picture = self._picture(size, keep_color, numbers)
         target = picture.begin(side, over)
         found: list[Drawn] = []
-        done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
-        at_tile = None if progress is None else lambda tile: report(float(done_pairs[tile - 1]), "rendering")
-        for batch in tiles.batches(min(batch_budget, largest, MOST_LISTED)):
+        done, all_pairs = 0, max(int(tiles.tile_pairs.sum()), 1)
+        for batch in batches:
+            at_tile = None if progress is None else reporter(report, batch, done, all_pairs)
+            done += int(batch.tile_pairs.sum())
             if triangles.features.surfaces == "opaque":
                 found.append(draw_opaque(gpu, triangles, batch, target, at_tile, precision))
             else:
                 found.append(chosen.draw(gpu, triangles, batch, target, capacity, at_tile, **options))
         clamped_pixels = picture.finish()
-        done = Finished(picture.image, picture.color, {}, {})
+        finished = Finished(picture.image, picture.color, {}, {})
         if chosen.finish is not None:
-            done = chosen.finish(picture, triangles, over, **options)
+            finished = chosen.finish(picture, triangles, over, **options)
         layers_max = max(drawn.layers_max for drawn in found)
         if bounded and picture.values is not None:
             if triangles.features.surfaces == "opaque":
                 picture.values[...] = 0  # its one pass finds none
-            done = with_error_bound(picture)
+            finished = with_error_bound(picture)
+            if choice is not None and not chosen.exact:  # whose kernel finds no bound, but that was seen to before
+                picture.values[...] = choice.max_error
+                finished.stats.clear()
         seconds, kernel_seconds = device_seconds(gpu)
         report(1.0, "done")
         # What no kernel took: compiling them the first time, the scene's upload, the host's own work and waiting.
@@ -282,8 +299,14 @@ class Renderer:
             "device": gpu.device.name.strip(),
             "lanes": gpu.lanes,
             "notes": list(self.scene.notes),
-            **done.stats,
+            **finished.stats,
         }
+        if choice is not None:
+            stats["auto"] = {
+                "max_error": choice.max_error,
+                "explanation": choice.explanation(seconds),
+                "alternatives": [other.name for other in choice.others],
+            }
         found_layers = None
         if layers and chosen.peeled is not None:
             begun = time.perf_counter()
@@ -306,7 +329,7 @@ class Renderer:
             seconds["total"] = seconds.pop("total") + seconds[LAYERS_STAGE]
             report(1.0, "done")
         rounding = blending_bound(layers_max + 1, precision)  # one more for what is opaque
-        return Result(done.image, stats, done.color, done.maps, found_layers, rounding)
+        return Result(finished.image, stats, finished.color, finished.maps, found_layers, rounding)
 
 
 def render(
@@ -325,11 +348,17 @@ def render(
     return Renderer(scene, device, lanes).render(camera, size, technique, background, lighting, **options)
 
 
+def reporter(report: Progress, batch: Batch, before: int, all_pairs: int) -> Callable[[int], None]:
+    """Of draw_tiles (draw.py): tells the share done of all pairs, `before` of them in batches before this one."""
+    done = before + np.cumsum(batch.tile_pairs)
+    return lambda tile: report(float(done[tile - 1 - batch.first_tile]) / all_pairs, "rendering")
+
+
 def check_options(technique: str, options: Iterable[str]) -> None:
     """InputError where the technique lacks one of these options."""
-    chosen = technique_named(technique)
-    for name in sorted(set(options) - set(chosen.options)):
-        known = ", ".join((*COMMON_OPTIONS, *chosen.options))
+    has = options_of(technique)
+    for name in sorted(set(options) - set(has)):
+        known = ", ".join((*COMMON_OPTIONS, *has))
         raise InputError(f"{name}: the technique {technique!r} has no such option; it has {known}")
 
 
@@ -400,14 +429,3 @@ def checked_samples(samples: int, size: tuple[int, int]) -> int:
             f"samples: expected at most {MAX_SIDE // side} pixels a side with {samples} samples, got {max(size)}"
         )
     return side
-
-
-def parse_memory(memory: int | str) -> int:
-    """Bytes from a number or from text such as "512M" or "2G" (powers of 1024), or InputError."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", str(memory), re.IGNORECASE)
-    if not match:
-        raise InputError(f"memory: expected bytes or a size such as 512M, got {memory!r}")
-    nbytes = int(float(match[1]) * 1024 ** " KMGT".index(match[2].upper() or " "))
-    if nbytes < MIN_MEMORY:
-        raise InputError(f"memory: expected at least 1M, got {memory!r}")
-    return nbytes

@@ -53,14 +53,15 @@ def _devices() -> list[DeviceInfo]:
 
 def technique_table() -> list[str]:
     """What each technique does, a line each, and below it the options of `render` that it has besides the common."""
-    from clpeel.techniques import TECHNIQUES
+    from clpeel.techniques import AUTO, AUTO_SUMMARY, TECHNIQUES, options_of
 
     width = max(map(len, TECHNIQUES))
     lines = []
-    for name, technique in TECHNIQUES.items():
-        lines.append(f"{name:<{width}}  {technique.summary}")
-        if technique.options:
-            lines.append(f"{'':<{width}}  options: {', '.join(technique.options)}")
+    summaries = {name: technique.summary for name, technique in TECHNIQUES.items()} | {AUTO: AUTO_SUMMARY}
+    for name, summary in summaries.items():
+        lines.append(f"{name:<{width}}  {summary}")
+        if options := options_of(name):
+            lines.append(f"{'':<{width}}  options: {', '.join(options)}")
     return lines
 
 

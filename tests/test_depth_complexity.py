@@ -177,7 +177,7 @@ def test_little_memory_and_progress_change_nothing(lanes: int, monkeypatch: pyte
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (500, 400), "lanes": lanes}
     want = clpeel.complexity(scene, **call)
     monkeypatch.setattr(clpeel.draw, "REPORTED_PAIRS", 500)
-    monkeypatch.setattr(clpeel.depth_complexity, "TILE_BYTES", 4000)
+    monkeypatch.setattr(clpeel.counting, "TILE_BYTES", 4000)
     told: list[tuple[float, str]] = []
     got = clpeel.complexity(scene, **call, memory="1M", progress=lambda done, text: told.append((done, text)))
     assert (got.layers == want.layers).all() and (got.opaque == want.opaque).all()

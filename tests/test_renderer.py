@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clpeel
-from clpeel.renderer import parse_memory
+from clpeel.memory import parse_memory
 from clpeel.techniques import TECHNIQUES
 
 

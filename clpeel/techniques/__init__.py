@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+from clpeel.binning import Batch
 from clpeel.blending import DEFAULT_PRECISION, PRECISION, check_precision
 from clpeel.composite import Finished
-from clpeel.draw import Drawn
+from clpeel.device import Gpu
+from clpeel.draw import Drawn, slab_bytes
 from clpeel.errors import InputError
-from clpeel.peel import check_peeling
+from clpeel.layout import Features
+from clpeel.peel import check_peeling, totals_bytes
 from clpeel.techniques import (
     depth_peeling,
     dual_depth_peeling,
@@ -66,6 +70,12 @@ class Technique:
     peeled: Callable[..., tuple[int, int]] | None = None
     check: Callable[..., None] = lambda **_: None
     passes_for: Callable[[int, dict[str, Any]], int] = one_pass
+    stores_fragments: bool = False  # all of a pixel's at once, for which the memory has to be enough
+    variants: tuple[dict[str, Any], ...] = ({},)  # options that `auto` has the choice of
+    left_out: Callable[[int, float], float] | None = None
+    """Of techniques that are not exact: how far off a channel is at most, with so many layers of such alphas."""
+    device_bytes: Callable[[Gpu, Features, Batch, int, dict[str, Any]], int] = lambda *_: 0
+    """(gpu, features, batch, capacity, options) to what it takes of the device's memory for a batch, besides lists."""
 
 
 TECHNIQUES: dict[str, Technique] = {
@@ -79,6 +89,8 @@ TECHNIQUES: dict[str, Technique] = {
         options=(MAX_ERROR, PRECISION, LAYERS),
         peeled=sort.peeled,
         check=sort.check,
+        stores_fragments=True,
+        device_bytes=partial(slab_bytes, sort.SCRATCH_BYTES),
     ),
     "depth-peeling": Technique(
         depth_peeling.SUMMARY,
@@ -90,6 +102,7 @@ TECHNIQUES: dict[str, Technique] = {
         peeled=depth_peeling.peeled,
         check=check_peeling,
         passes_for=depth_peeling.passes_for,
+        device_bytes=totals_bytes,
     ),
     "dual-depth-peeling": Technique(
         dual_depth_peeling.SUMMARY,
@@ -102,6 +115,7 @@ TECHNIQUES: dict[str, Technique] = {
         peeled=dual_depth_peeling.peeled,
         check=check_peeling,
         passes_for=dual_depth_peeling.passes_for,
+        device_bytes=totals_bytes,
     ),
     "multi-layer-peeling": Technique(
         multi_layer_peeling.SUMMARY,
@@ -113,6 +127,8 @@ TECHNIQUES: dict[str, Technique] = {
         peeled=multi_layer_peeling.peeled,
         check=multi_layer_peeling.check,
         passes_for=multi_layer_peeling.passes_for,
+        variants=multi_layer_peeling.VARIANTS,
+        device_bytes=totals_bytes,
     ),
     "glowscript": Technique(
         glowscript.SUMMARY,
@@ -133,6 +149,7 @@ TECHNIQUES: dict[str, Technique] = {
         options=thickness.OPTIONS,
         maps=thickness.MAPS,
         finish=thickness.finish,
+        stores_fragments=True,
     ),
     "translucency": Technique(
         translucency.SUMMARY,
@@ -143,6 +160,7 @@ TECHNIQUES: dict[str, Technique] = {
         options=translucency.OPTIONS,
         maps=thickness.MAPS,
         finish=translucency.finish,
+        stores_fragments=True,
     ),
     "weighted-average": Technique(
         weighted_average.SUMMARY,
@@ -152,6 +170,8 @@ TECHNIQUES: dict[str, Technique] = {
         paper_precision="half",
         options=(PRECISION,),
         check=check_precision,
+        stores_fragments=True,
+        device_bytes=partial(slab_bytes, 0),
     ),
     "weighted-sum": Technique(
         weighted_sum.SUMMARY,
@@ -161,15 +181,35 @@ TECHNIQUES: dict[str, Technique] = {
         paper_precision="half",
         options=(PRECISION,),
         check=check_precision,
+        stores_fragments=True,
+        left_out=weighted_sum.left_out,
+        device_bytes=partial(slab_bytes, 0),
     ),
 }
+
+
+AUTO = "auto"
+"""In place of a technique's name: the one of TECHNIQUES that the picture needs (auto.py)."""
+
+AUTO_SUMMARY = "the technique and the layers a pass that draw this picture fastest, within --max-error and --memory"
+AUTO_OPTIONS = (MAX_ERROR, LAYERS)
 
 
 def technique(name: str) -> Technique:
     """The technique of that name. Raises InputError, which lists those there are."""
     if name not in TECHNIQUES:
-        raise InputError(f"technique: expected one of {', '.join(TECHNIQUES)}; got {name!r}")
+        raise InputError(f"technique: expected one of {', '.join((*TECHNIQUES, AUTO))}; got {name!r}")
     return TECHNIQUES[name]
+
+
+def options_of(name: str) -> tuple[str, ...]:
+    """Of `render`, that the technique of that name, or AUTO, has besides those of all."""
+    return AUTO_OPTIONS if name == AUTO else technique(name).options
+
+
+def labelled(name: str, options: dict[str, Any]) -> str:
+    """A technique with those options that make it another: "multi-layer-peeling, layers_per_pass 16"."""
+    return ", ".join([name, *(f"{key} {value}" for key, value in options.items() if key != MAX_ERROR)])
 
 
 def with_map(name: str) -> list[str]:

@@ -16,6 +16,9 @@ from clpeel.peel import check_peeling, checked_count, peel
 
 SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
 MOST_LAYERS = 64
+VARIANTS: tuple[dict[str, Any], ...] = ({}, *({"layers_per_pass": layers} for layers in (2, 4, 16)))
+"""What `auto` has the choice of besides 8 a pass; more than 16 a pixel do not stay in a processor's registers."""
+
 HAZARD_ORDERS = ("nearest-last", "arrival")
 """In which writes of a wave land: farthest first, which keeps the paper's bound of M passes, or as fragments arrive."""
 

@@ -20,6 +20,15 @@ def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     return FRAGMENT_BYTES * layers
 
 
+def left_out(layers: int, alpha: float) -> float:
+    """How far off a channel is at most, over any background, with so many layers of such alphas.
+
+    The sum takes each layer to be seen in full, Ai Ci, where 1 - Pi of it is hidden, Pi being the product of the 1 - Aj
+    in front; over a background C0 the picture is off by sum(Ai (1 - Pi) (Ci - C0)), and 1 - Pi <= sum(Aj).
+    """
+    return alpha * alpha * layers * (layers - 1) / 2
+
+
 def draw_sums(path: str, *arguments: Any, precision: str = DEFAULT_PRECISION) -> Drawn:
     """Draws a batch by the kernel file `path`, with sums of that precision (PRECISIONS, else InputError)."""
     return draw_once(path, 0, *arguments, **precision_define(precision))

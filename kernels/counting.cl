@@ -1,4 +1,4 @@
-// Depth complexity: how many fragments each pixel has, and what a walk over its tile takes; none is kept, sorted or shaded.
+// Counting: how many fragments each pixel has, and what a walk over its tile takes; none is kept, sorted or shaded.
 //
 //   count_layers    a work-group takes tile after tile: z-far of what is opaque, then one walk over what is transparent
 //
@@ -9,13 +9,13 @@
 #define ALL_OPAQUE 0
 #endif
 
-// layers: of each pixel of the image, rows from the top, the fragments in front of what is opaque there, and IS_OPAQUE where
-// anything is. tile_totals: of each tile fragments, those of its deepest pixel, samples with an opaque surface; fragments of
-// all surfaces, whatever lies in front, and those of the deepest pixel; strips visited of transparent records and of opaque
-// ones; opaque records.
+// chosen: the tiles that are looked at, or NULL for all of them; totals are in their order. layers: of each pixel of the image, rows
+// from the top, the fragments in front of what is opaque there, and IS_OPAQUE where anything is; or NULL. tile_totals: of each
+// tile fragments, those of its deepest pixel, samples with an opaque surface; fragments of all surfaces, whatever lies in front,
+// and those of the deepest pixel; strips visited of transparent records and of opaque ones; opaque records.
 kernel void count_layers(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                          uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
-                         float depth_scale, global uint *layers, global uint *tile_totals)
+                         float depth_scale, global const uint *chosen, global uint *layers, global uint *tile_totals)
 {
     local uint taken, totals[COMPLEXITY_TOTALS];
     for (;;) {
@@ -24,8 +24,9 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
             for (int k = 0; k < COMPLEXITY_TOTALS; ++k) totals[k] = 0;
         }
         barrier(CLK_LOCAL_MEM_FENCE);
-        uint tile = taken;
-        if (tile >= to_tile) break;
+        uint number = taken;
+        if (number >= to_tile) break;
+        uint tile = chosen ? chosen[number] : number;
         ENTER_TILE
         uint begin = list_begin, end = list_end, middle = begin, visits = 0, opaque_visits = 0;
         VECTOR(ulong) z_far[STRIPS_A_LANE];
@@ -70,7 +71,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
                 fragments += count, deepest = MAX(deepest, count);
                 all_fragments += any, all_deepest = MAX(all_deepest, any);
                 solid += opaque;
-                if (column < width && row < height) layers[(size_t)row * width + column] = count | (opaque ? IS_OPAQUE : 0);
+                if (layers && column < width && row < height) layers[(size_t)row * width + column] = count | (opaque ? IS_OPAQUE : 0);
             }
         atomic_add(totals, fragments);
         atomic_max(totals + 1, deepest);
@@ -81,7 +82,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
         atomic_add(totals + 6, opaque_visits);
         if (lane == 0) totals[7] = middle - begin;
         barrier(CLK_LOCAL_MEM_FENCE);
-        for (int k = lane; k < COMPLEXITY_TOTALS; k += LANES) tile_totals[COMPLEXITY_TOTALS * tile + k] = totals[k];
+        for (int k = lane; k < COMPLEXITY_TOTALS; k += LANES) tile_totals[COMPLEXITY_TOTALS * number + k] = totals[k];
         barrier(CLK_LOCAL_MEM_FENCE);
     }
 }
