@@ -11,7 +11,7 @@ from clpeel import costs
 from clpeel.costs import Cost
 from clpeel.counting import Counted, TileCounts
 from clpeel.layout import ALL_LAYERS, TILE_PIXELS
-from clpeel.techniques import Technique
+from clpeel.techniques import Technique, labelled
 
 
 @dataclass(frozen=True)
@@ -60,10 +60,10 @@ def work_of(
     return Work(walk=float(weights @ walks), fragment=drawn, shaded=drawn * shaded, pixel=tiles.pixels)
 
 
-def cost_of(name: str, technique: Technique, tiles: TileCounts) -> Cost | None:
+def cost_of(row: str, technique: Technique, tiles: TileCounts) -> Cost | None:
     """The row of the table; None where it has not been measured."""
     all_opaque = tiles.features.surfaces == "opaque" and not technique.maps
-    return costs.OPAQUE if all_opaque else costs.COSTS.get(name)
+    return costs.OPAQUE if all_opaque else costs.COSTS.get(row)
 
 
 def scale_of(counted: Counted) -> float:
@@ -77,7 +77,7 @@ def estimated_seconds(
     name: str, technique: Technique, counted: Counted, shaded: bool, options: dict[str, Any]
 ) -> float | None:
     """Of the stages before, as measured, and of drawing by the table, scaled as counting was beside the table."""
-    cost = cost_of(name, technique, counted.tiles)
+    cost = cost_of(labelled(name, options), technique, counted.tiles)
     if cost is None:
         return None
     work = work_of(technique, counted.tiles, shaded, options)

@@ -3,7 +3,7 @@
 Draws scenes of many kinds with every technique, and fits the numbers of clpeel/costs.py to the seconds by the device's
 clock: by least squares of relative errors, none below zero. Prints the table to be put there, and how far the estimates
 made of it are off: on the scenes of the fit, and on others, those of FOLDER/scenes.py, which take no part in it.
-Takes about three minutes on two processor cores.
+Takes about four minutes on two processor cores.
 """
 
 from __future__ import annotations
@@ -15,16 +15,18 @@ import sys
 from collections.abc import Iterator
 from dataclasses import astuple, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import clpeel
 from clpeel import costs
+from clpeel.counting import Counted, count_layers
 from clpeel.demo import DIRECTION, ZOOM, demo_scene
-from clpeel.depth_complexity import Counted, count_layers, estimated_seconds, work_of
+from clpeel.estimates import estimated_seconds, work_of
 from clpeel.projection import upload
-from clpeel.techniques import TECHNIQUES, Technique
+from clpeel.techniques import TECHNIQUES, Technique, labelled
 
 REPEATS = 8
 """Frames of which the fastest counts, after one that warms up."""
@@ -78,13 +80,18 @@ def others(folder: str) -> Iterator[tuple[str, clpeel.Scene, clpeel.Camera]]:
 
 
 def measured(
-    renderer: clpeel.Renderer, camera: clpeel.Camera, size: tuple[int, int], name: str, lighting: str
+    renderer: clpeel.Renderer,
+    camera: clpeel.Camera,
+    size: tuple[int, int],
+    name: str,
+    lighting: str,
+    options: dict[str, Any],
 ) -> tuple[float, float]:
     """Seconds of the technique's own stage, and of all stages: the least of some frames."""
     least = (np.inf, np.inf)
     spent = 0.0
     for repeat in range(REPEATS + 1):
-        stats = renderer.render(camera, size, name, lighting=lighting, keep_color=False).stats
+        stats = renderer.render(camera, size, name, lighting=lighting, keep_color=False, **options).stats
         seconds = dict(stats["seconds"])
         spent += seconds.pop("total")
         seconds.pop("host")
@@ -136,26 +143,30 @@ def main() -> None:
         "--fit", action=argparse.BooleanOptionalAction, default=True, help="or check the table there is"
     )
     options = parser.parse_args()
-    rows: dict[str, list[tuple[Counted, bool, Technique, float, float]]] = {}
+    trials = [(name, each, options) for name, each in TECHNIQUES.items() for options in each.variants]
+    rows: dict[str, list[tuple[Counted, bool, Technique, dict[str, Any], float, float]]] = {}
     counting: list[Row] = []
-    kept: list[tuple[str, str, bool, str, Counted, float]] = []  # the truths that estimates are to be beside
+    kept: list[
+        tuple[str, str, dict[str, Any], bool, str, Counted, float]
+    ] = []  # the truths that estimates are to be beside
     scenes = [("fit", *one) for one in calibration()] if options.fit else []
     for group, label, scene, camera in [*scenes, *(("others", *one) for one in others(options.scenes))]:
         renderer = clpeel.Renderer(scene, options.device)
         for size in (SIZE if group == "fit" else OTHERS_SIZE,):
             counted = counted_at_rest(renderer, camera, size)
             if group == "fit":
-                walked = float(counted.records.sum()), float(counted.tiles[:, 5:7].sum()), counted.layers.size
+                tiles = counted.tiles
+                walked = float(tiles.records.sum()), float(tiles.totals[:, 5:7].sum()), tiles.pixels
                 counting.append((walked, counted.walk_seconds, counted.walk_seconds))
             for lighting in ("none", "headlight"):
                 lit = lighting != "none"
-                for name, technique in TECHNIQUES.items():
-                    own, whole = measured(renderer, camera, size, name, lighting)
-                    nothing = counted.features.surfaces == "opaque" and not technique.maps
+                for name, technique, variant in trials:
+                    own, whole = measured(renderer, camera, size, name, lighting, variant)
+                    nothing = counted.tiles.features.surfaces == "opaque" and not technique.maps
                     if group == "fit":
-                        row = OPAQUE_ROW if nothing else name
-                        rows.setdefault(row, []).append((counted, lit, technique, own, whole))
-                    kept.append((group, name, lit, label, counted, whole))
+                        row = OPAQUE_ROW if nothing else labelled(name, variant)
+                        rows.setdefault(row, []).append((counted, lit, technique, variant, own, whole))
+                    kept.append((group, name, variant, lit, label, counted, whole))
         print(f"{label} done", file=sys.stderr, flush=True)
     if options.fit:
         # What a walk is measured in comes first, as the work is told in it.
@@ -163,31 +174,37 @@ def main() -> None:
         print(f"RECORD, VISIT, PIXEL = {costs.RECORD:.3g}, {costs.VISIT:.3g}, {costs.PIXEL:.3g}")
         table = {
             name: fitted(
-                [(astuple(work_of(which, counted, lit)), own, whole) for counted, lit, which, own, whole in found]
+                [
+                    (astuple(work_of(which, counted.tiles, lit, variant)), own, whole)
+                    for counted, lit, which, variant, own, whole in found
+                ]
             )
             for name, found in rows.items()
         }
         heads = [field.name for field in fields(costs.Cost)]
         for name, found in table.items():
-            print(
-                f"{name:<20} Cost({', '.join(f'{head}={value:.3g}' for head, value in zip(heads, found, strict=True))})"
-            )
+            costs_of = ", ".join(f"{head}={value:.3g}" for head, value in zip(heads, found, strict=True))
+            print(f"{name:<40} Cost({costs_of})")
         costs.OPAQUE.__dict__.update(costs.Cost(*table[OPAQUE_ROW]).__dict__)
-        costs.COSTS.update({name: costs.Cost(*found) for name, found in table.items() if name in TECHNIQUES})
+        costs.COSTS.update({name: costs.Cost(*found) for name, found in table.items() if name != OPAQUE_ROW})
     print("\nestimates are off by a factor of (half of them at most, all): on the scenes of the fit, on others")
-    both = [(one, estimated_seconds(one[1], one[4], one[2]), one[5]) for one in kept]
-    for name in TECHNIQUES:
+    both = [
+        (labelled(name, variant), one, estimated_seconds(name, TECHNIQUES[name], counted, lit, variant), whole)
+        for one in kept
+        for _, name, variant, lit, _, counted, whole in (one,)
+    ]
+    for row in dict.fromkeys(row for row, *_ in both):
         cells = []
         for group in ("fit", "others"):
-            pairs = [(guess, truth) for one, guess, truth in both if one[:2] == (group, name) and guess is not None]
+            pairs = [(guess, truth) for which, one, guess, truth in both if (which, one[0]) == (row, group) and guess]
             cells.append(off_by(*map(list, zip(*pairs, strict=True))) if pairs else "-")
-        print(f"{name:<20} {cells[0]:<12} {cells[1]}")
+        print(f"{row:<40} {cells[0]:<12} {cells[1]}")
     print("\nothers: estimated / measured seconds")
-    for (group, name, lit, label, counted, _), guess, truth in both:
+    for row, (group, _, _, lit, label, counted, _), guess, truth in both:
         if group == "others" and guess is not None:
             height, width = counted.layers.shape
             kind = f"{label:<8} {width:>4} x {height:<4} {'lit' if lit else 'flat':<4}"
-            print(f"{kind} {name:<20} {guess:.4f} / {truth:.4f} = {guess / truth:.2f}")
+            print(f"{kind} {row:<40} {guess:.4f} / {truth:.4f} = {guess / truth:.2f}")
 
 
 if __name__ == "__main__":
