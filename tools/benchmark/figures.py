@@ -14,6 +14,7 @@ MIB = 2**20
 UNSORTED_BOUNDS = {"dragon": 0.5, "spheres": 0.5, "boxes": 1.0, "grass": 1.0}
 BYTES_A_FRAGMENT, BYTES_A_TRIANGLE = 16, 60
 CHEAP = "weighted-sum"
+ERROR = 1 / 255
 HOST = "host memory of a frame, in times its result's"
 
 
@@ -188,6 +189,112 @@ def techniques(bench: Bench) -> Values:
         dual = 1 / times["dual-depth-peeling"]["median"]
         targets.append(target(f"dual-depth-peeling's share of the time, {scene}", dual, "<=", 0.52, bench.full()))
     return {"values": values, "targets": targets, "table": table, "notes": []}
+
+
+@figure("auto", "auto, its look included, beside each technique that keeps to an error of 1/255 in any channel")
+def auto(bench: Bench) -> Values:
+    from clpeel.techniques import TECHNIQUES, labelled
+
+    choices = [
+        (labelled(name, variant), name, variant)
+        for name, technique in TECHNIQUES.items()
+        if technique.exact
+        for variant in technique.variants
+    ]
+    heads = [label.replace("multi-layer-peeling, layers_per_pass", "M =") for label, *_ in choices]
+    table = [["scene", "auto chose", "auto, ms", *(f"{head}, ms" for head in heads), "times the best"]]
+    values, targets = {}, []
+    for scene, made in bench.scenes.items():
+        jobs = [bench.job(made, technique="auto", max_error=ERROR)]
+        jobs += [bench.job(made, technique=name, max_error=ERROR, **variant) for _, name, variant in choices]
+        own, *others = bench.take_turns(jobs, together=True)
+        timed = [[one["median_s"] for one in rounds] for rounds in others]
+        best = min(timed, key=statistics.median)
+        chosen = own[-1]["stats"]["auto"]["explanation"][0].removeprefix("auto chose ").partition(", in float32")[0]
+        found = [one["median_s"] for one in own]
+        values[scene] = {"chosen": chosen, "seconds": spread(found), "times": ratio(found, best)}
+        cells = [cell(spread(one), 1e3) for one in (found, *timed)]
+        table.append([scene, chosen, *cells, cell(values[scene]["times"])])
+        times = values[scene]["times"]["median"]
+        targets.append(target(f"times the best single choice, {scene}", times, "<=", 1.15, bench.full()))
+    return {
+        "values": values,
+        "targets": targets,
+        "table": table,
+        "notes": ["M: layers that multi-layer-peeling peels in a pass, 8 where none is named"],
+    }
+
+
+@figure("errors", "A guaranteed error: frames, and how many times as fast as with none")
+def errors(bench: Bench) -> Values:
+    from clpeel.techniques import TECHNIQUES
+
+    names = [name for name, technique in TECHNIQUES.items() if technique.exact]
+    bounds: dict[str, dict[str, Any]] = {"none": {}}
+    bounds |= {f"1/{steps}": {"max_error": 1 / steps} for steps in (255, 64, 16)}
+    table = [["scene", "technique", *(f"{text}, ms" for text in bounds), *list(bounds)[1:], "passes"]]
+    values: Values = {}
+    scenes = {name: made for name, made in bench.scenes.items() if name in ("boxes", "grass")}
+    for scene, made in scenes.items():
+        jobs = [bench.job(made, technique=name, **options) for name in names for options in bounds.values()]
+        found = iter(bench.take_turns(jobs, together=True))
+        for name in names:
+            rounds = {text: next(found) for text in bounds}
+            timed = {text: [one["median_s"] for one in each] for text, each in rounds.items()}
+            passes = [each[-1]["stats"]["passes"] for each in rounds.values()]
+            times = {text: ratio(timed["none"], timed[text]) for text in list(bounds)[1:]}
+            values[f"{scene}, {name}"] = {"times": times, "passes": passes}
+            table.append(
+                [
+                    scene,
+                    name,
+                    *(cell(spread(timed[text]), 1e3) for text in bounds),
+                    *(cell(one) for one in times.values()),
+                    ", ".join(map(str, passes)),
+                ]
+            )
+    return {"values": values, "targets": [], "table": table, "notes": []}
+
+
+FEATURES: dict[str, dict[str, Any]] = {
+    "`keep_color`: colours as floats, too": {"keep_color": True},
+    "`background=None`: straight alpha": {"background": None},
+    "`max_error=0`: a map of the error": {"max_error": 0.0},
+    '`precision="half"`': {"precision": "half"},
+    '`precision="unorm8"`': {"precision": "unorm8"},
+    '`depth_format="float32"`': {"depth_format": "float32"},
+    '`depth_format="unorm24"`': {"depth_format": "unorm24"},
+    '`depth_format="rgba8"`': {"depth_format": "rgba8"},
+    "`samples=4`": {"samples": 4},
+    "`layers=True`": {"layers": True},
+    '`lighting="headlight"`': {"lighting": "headlight"},
+}
+"""Options of `sort`, which any technique that peels has as well."""
+
+
+@figure("features", "What each feature costs: frames with it switched on, in times those without")
+def features(bench: Bench) -> Values:
+    """Scenes: as they are, with a colour for each vertex, and with every tenth triangle opaque."""
+    values: Values = {}
+    table = [["feature", *bench.scenes]]
+    rows: dict[str, list[str]] = {}
+    for scene, made in bench.scenes.items():
+        plain = {"keep_color": False}
+        trials = {text: (made, {**plain, **options}) for text, options in FEATURES.items()}
+        trials["a colour for each vertex"] = (["vertex colors", *made], plain)
+        trials["every tenth triangle opaque"] = (["some opaque", 10, *made], plain)
+        trials["all opaque"] = (["some opaque", 1, *made], plain)
+        jobs = [bench.job(made, **plain), *(bench.job(which, **options) for which, options in trials.values())]
+        first, *others = bench.take_turns(jobs, together=True)
+        base = [one["median_s"] for one in first]
+        rows.setdefault("plain, ms", []).append(cell(spread(base), 1e3))
+        for text, rounds in zip(trials, others, strict=True):
+            times = ratio([one["median_s"] for one in rounds], base)
+            values.setdefault(text, {})[scene] = times
+            rows.setdefault(text, []).append(cell(times))
+    table += [[text, *cells] for text, cells in rows.items()]
+    notes = ["plain: `sort` of flat colours over white, without `color`; all are of scenes that are on the device"]
+    return {"values": values, "targets": [], "table": table, "notes": notes}
 
 
 @figure("limit", "Distance from the limit that memory sets")

@@ -59,7 +59,31 @@ def soup(count: int, size: int) -> clpeel.Scene:
     return clpeel.Scene.from_arrays(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), face_colors=colors)
 
 
-OWN: dict[str, Any] = {"boxes": boxes, "stack": stack, "soup": soup}
+def vertex_colors(*scene: Any) -> clpeel.Scene:
+    """A scene with a colour for each corner of each face, that of the face."""
+    made = make(*scene)
+    corners = made.faces.reshape(-1)
+    rgba = np.repeat(np.broadcast_to(made.colors, (len(made.faces), 4)), 3, axis=0)
+    return clpeel.Scene.from_arrays(
+        made.vertices[corners], np.arange(len(corners)).reshape(-1, 3), vertex_colors=np.ascontiguousarray(rgba)
+    )
+
+
+def some_opaque(apart: int, *scene: Any) -> clpeel.Scene:
+    """A scene of which one of so many triangles is opaque."""
+    made = make(*scene)
+    rgba = np.broadcast_to(made.colors, (len(made.faces), 4)).copy()
+    rgba[::apart, 3] = 255 if rgba.dtype == np.uint8 else 1
+    return clpeel.Scene.from_arrays(made.vertices, made.faces, face_colors=rgba)
+
+
+OWN: dict[str, Any] = {
+    "boxes": boxes,
+    "stack": stack,
+    "soup": soup,
+    "vertex colors": vertex_colors,
+    "some opaque": some_opaque,
+}
 
 
 def make(name: str, *numbers: Any) -> clpeel.Scene:
