@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 RECORD, VISIT, PIXEL = 9.48, 2.71, 1.27
-"""Nanoseconds of counting (depth_complexity.cl): a record of a tile made ready, a strip of it visited for one, and a
+"""Nanoseconds of counting (counting.cl): a record of a tile made ready, a strip of it visited for one, and a
 pixel's count stored."""
 
 

@@ -47,7 +47,7 @@ TILE_TOTALS = 6
 samples with an opaque surface."""
 
 COMPLEXITY_TOTALS = 8
-"""What counting tells of a tile (depth_complexity.cl)."""
+"""What counting tells of a tile (counting.cl)."""
 
 IS_OPAQUE = 1 << 31
 """Of a pixel's count: an opaque surface lies behind. Counts are below 2**24 (binning.py)."""

@@ -65,7 +65,12 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     add("--scenes", type=Path, metavar="FOLDER", help="with scenes.py and vtk_peer.py")
     add("--device", metavar="DEVICE", help="number, or part of a name, as 'clpeel devices' shows them")
     add("--json", type=Path, metavar="FILE", help="write all numbers to a file")
-    add("--report", type=Path, metavar="FOLDER", help="renew FOLDER/performance.md between its markers, and its plots")
+    add(
+        "--report",
+        type=Path,
+        metavar="FOLDER|FILE.md",
+        help="renew FOLDER/performance.md, or this FILE.md, between its markers, and its plots",
+    )
     add("--from", type=Path, dest="source", metavar="FILE", help="take the numbers from such a file: measure nothing")
     options = parser.parse_args(arguments)
     options.only = options.only.split(",") if options.only else list(FIGURES)
@@ -82,7 +87,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     if options.json and not os.access(options.json.parent, os.W_OK):
         stop(f"--json: cannot write into {str(options.json.parent)!r}")
     if options.report:
-        renewed(options.report, "")
+        renewed(document_of(options.report), "")
     return options
 
 
@@ -93,9 +98,13 @@ def count(text: str) -> int:
     return int(text)
 
 
-def renewed(folder: Path, text: str) -> str:
+def document_of(report: Path) -> Path:
+    """What --report names: a document, or a folder with performance.md."""
+    return report if report.suffix == ".md" else report / "performance.md"
+
+
+def renewed(document: Path, text: str) -> str:
     """The document of a report with a new text between its markers."""
-    document = folder / "performance.md"
     try:
         return between_markers(document.read_text(encoding="utf-8"), text)
     except OSError as error:
@@ -171,8 +180,8 @@ def headline(one: Values) -> str:
     )
 
 
-def write_report(folder: Path, found: Values) -> None:
-    """The document's data part, and its plots where matplotlib is installed."""
+def write_report(report: Path, found: Values) -> None:
+    """The document's data part, and its plots, in a folder of its name, where matplotlib is installed."""
     from clpeel.image import write_whole
 
     pictures: dict[str, bytes] = {}
@@ -182,12 +191,14 @@ def write_report(folder: Path, found: Values) -> None:
         pictures = draw(found)
     except ImportError:
         say("plots left out: matplotlib is not installed (pip install '.[bench]')")
+    document = document_of(report)
+    folder = document.with_suffix("")
     if pictures:
-        (folder / "performance").mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
     for name, data in pictures.items():
-        write_whole(folder / "performance" / f"{name}.png", data)
-    text = renewed(folder, as_markdown(found, [f"performance/{name}.png" for name in pictures]))
-    write_whole(folder / "performance.md", text.encode())
+        write_whole(folder / f"{name}.png", data)
+    text = renewed(document, as_markdown(found, [f"{folder.name}/{name}.png" for name in pictures]))
+    write_whole(document, text.encode())
 
 
 def main(arguments: list[str] | None = None) -> int:

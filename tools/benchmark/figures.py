@@ -193,26 +193,27 @@ def techniques(bench: Bench) -> Values:
 
 @figure("auto", "auto, its look included, beside each technique that keeps to an error of 1/255 in any channel")
 def auto(bench: Bench) -> Values:
-    from clpeel.techniques import TECHNIQUES, labelled
+    from clpeel.techniques import TECHNIQUES
 
     choices = [
-        (labelled(name, variant), name, variant)
-        for name, technique in TECHNIQUES.items()
-        if technique.exact
-        for variant in technique.variants
+        (name, variant) for name, technique in TECHNIQUES.items() if technique.exact for variant in technique.variants
     ]
-    heads = [label.replace("multi-layer-peeling, layers_per_pass", "M =") for label, *_ in choices]
+    heads = [
+        f"M = {variant.get('layers_per_pass', 8)}" if name == "multi-layer-peeling" else name
+        for name, variant in choices
+    ]
     table = [["scene", "auto chose", "auto, ms", *(f"{head}, ms" for head in heads), "times the best"]]
     values, targets = {}, []
     for scene, made in bench.scenes.items():
         jobs = [bench.job(made, technique="auto", max_error=ERROR)]
-        jobs += [bench.job(made, technique=name, max_error=ERROR, **variant) for _, name, variant in choices]
+        jobs += [bench.job(made, technique=name, max_error=ERROR, **variant) for name, variant in choices]
         own, *others = bench.take_turns(jobs, together=True)
         timed = [[one["median_s"] for one in rounds] for rounds in others]
         best = min(timed, key=statistics.median)
         chosen = own[-1]["stats"]["auto"]["explanation"][0].removeprefix("auto chose ").partition(", in float32")[0]
         found = [one["median_s"] for one in own]
-        values[scene] = {"chosen": chosen, "seconds": spread(found), "times": ratio(found, best)}
+        others_by_name = {head: spread(one) for head, one in zip(heads, timed, strict=True)}
+        values[scene] = {"seconds": {"auto": spread(found), **others_by_name}, "times": ratio(found, best)}
         cells = [cell(spread(one), 1e3) for one in (found, *timed)]
         table.append([scene, chosen, *cells, cell(values[scene]["times"])])
         times = values[scene]["times"]["median"]
@@ -221,7 +222,7 @@ def auto(bench: Bench) -> Values:
         "values": values,
         "targets": targets,
         "table": table,
-        "notes": ["M: layers that multi-layer-peeling peels in a pass, 8 where none is named"],
+        "notes": ["M: layers that multi-layer-peeling peels in a pass"],
     }
 
 
@@ -243,7 +244,7 @@ def errors(bench: Bench) -> Values:
             timed = {text: [one["median_s"] for one in each] for text, each in rounds.items()}
             passes = [each[-1]["stats"]["passes"] for each in rounds.values()]
             times = {text: ratio(timed["none"], timed[text]) for text in list(bounds)[1:]}
-            values[f"{scene}, {name}"] = {"times": times, "passes": passes}
+            values[f"{scene}, {name}"] = {"times": times, "seconds": {text: spread(one) for text, one in timed.items()}}
             table.append(
                 [
                     scene,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable
 from itertools import cycle
 from typing import Any
@@ -116,6 +117,66 @@ def beside(title: str, peer: str, key: str, text: str) -> Callable[[Any, Values]
     return draw
 
 
+def auto(axes: Any, values: Values) -> None:
+    """A row for each scene, a mark for each choice."""
+    names = list(next(iter(values.values()))["seconds"])
+    for name, marker, color in zip(names, cycle("osDv^<>Ph"), cycle((COLORS[5], *COLORS[:5])), strict=False):
+        places = [place + (0.22 if name == "auto" else -0.05) for place in range(len(values))]
+        seconds = [one["seconds"][name]["median"] * 1e3 for one in values.values()]
+        size = 110 if name == "auto" else 55
+        axes.scatter(seconds, places, size, color, marker, label=name, edgecolors="white", linewidths=0.8, zorder=3)
+    for place, one in enumerate(values.values()):
+        text = f"{digits(one['seconds']['auto']['median'] * 1e3)} ms, {one['times']['median']:.2f} times the best"
+        at = one["seconds"]["auto"]["median"] * 1e3, place + 0.22
+        axes.annotate(text, at, (9, 0), textcoords="offset points", va="center")
+    axes.set_yticks(range(len(values)), list(values))
+    axes.set_ylim(len(values) - 0.4, -0.5)
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    ticks = [tick for power in range(-1, 6) for tick in (10.0**power, 2 * 10.0**power, 5 * 10.0**power)]
+    axes.set_xticks([tick for tick in ticks if low <= tick <= high], [f"{t:g}" for t in ticks if low <= t <= high])
+    axes.minorticks_off()
+    axes.grid(True, axis="x")
+    axes.set(title="auto beside each choice by itself, error 1/255", xlabel="milliseconds a frame")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=5, frameon=False, columnspacing=1.2)
+
+
+def errors(axes: Any, values: Values) -> None:
+    """How many times as fast, against the error."""
+    for (name, one), color, marker in zip(values.items(), cycle(COLORS[:4]), cycle("osDv"), strict=False):
+        speeds = [1.0, *(times["median"] for times in one["times"].values())]
+        solid = name.startswith(next(iter(values)).partition(",")[0])
+        axes.plot(range(len(speeds)), speeds, color=color, marker=marker, linestyle="-" if solid else "--", label=name)
+    axes.set_xticks(range(len(speeds)), ["none", *one["times"]])
+    axes.set_ylim(0)
+    axes.grid(True)
+    axes.set(title="What a guaranteed error saves", xlabel="error in any channel", ylabel="times as fast as with none")
+    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+
+
+def features(axes: Any, values: Values) -> None:
+    """A bar for each feature: the mean over the scenes, and from the least to the greatest."""
+    names = [name.replace("`", "") for name in values]
+    times = [[one["median"] for one in scenes.values()] for scenes in values.values()]
+    means = [math.prod(one) ** (1 / len(one)) for one in times]
+    off = [
+        [m - min(o) for m, o in zip(means, times, strict=True)],
+        [max(o) - m for m, o in zip(means, times, strict=True)],
+    ]
+    axes.barh(names, means, 0.6, xerr=off, color=COLORS[0], ecolor=GREY, capsize=3)
+    for place, (mean, one) in enumerate(zip(means, times, strict=True)):
+        axes.annotate(f"{mean:.2f}", (max(one), place), (6, 0), textcoords="offset points", va="center")
+    axes.axvline(1, color=COLORS[5], linestyle="--")
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    ticks = (0.25, 0.5, 1, 2, 4, 8, 16, 32, 64)
+    axes.set_xlim(0.2, 2 * max(map(max, times)))
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+    axes.grid(True, axis="x")
+    axes.set(title="What a feature costs", xlabel="times the frame without it: mean of the scenes, least and greatest")
+
+
 PLOTS: dict[str, Callable[[Any, Values], None]] = {
     "peeling": beside(
         "Exact pictures: clpeel beside VTK", "VTK, dual depth peeling", "times", "  ({:.0f} times as fast)"
@@ -130,6 +191,9 @@ PLOTS: dict[str, Callable[[Any, Values], None]] = {
     "pixels": pixels,
     "triangles": triangles,
     "stages": stages,
+    "auto": auto,
+    "errors": errors,
+    "features": features,
 }
 
 
