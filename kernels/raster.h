@@ -202,51 +202,94 @@ INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight
     return depth_key(depth, depth_scale);
 }
 
-// The barycentric weights of one sample: as VISITS has them, to the bit.
-INLINE void weights_at(global const Triangle *t, int x, int y, float weight[3])
+#if FRAGMENT_COLOR
+// Samples of a record that are shaded at once, consecutive ones of a strip: where a lane works alone it has vectors, whose
+// elements are computed whether they are covered or not; else one by one.
+#if LANES == 1
+#define SHADED 8
+typedef float8 Reals;
+#define SHADED_COLUMNS (int8)(0, 1, 2, 3, 0, 1, 2, 3)
+#define SHADED_ROWS (int8)(0, 0, 0, 0, 1, 1, 1, 1)
+#else
+#define SHADED 1
+typedef float Reals;
+#endif
+#define SHADED_BITS ((1u << SHADED) - 1)
+typedef struct { Reals red, green, blue, alpha; } Shades;
+
+// The barycentric weights of a record at SHADED samples, of which the first is at x, y: as VISITS has them, to the bit.
+INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
 {
     for (int k = 0; k < 3; ++k) {
         int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
         int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
-        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least;
-        weight[k] = (float)(e >> SUBPIXEL_BITS) * (float)SUBPIXELS + (float)((int)(e & (SUBPIXELS - 1)) + least);
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> SUBPIXEL_BITS;
+        float rest = (float)((int)(e & (SUBPIXELS - 1)) + least);
+#if SHADED == 1
+        weight[k] = (float)first * (float)SUBPIXELS + rest;
+#else
+        int8 step = dx * SHADED_ROWS - dy * SHADED_COLUMNS;
+        if (t->flags & SMALL) weight[k] = CONVERT(float, 8, (int8)((int)first) + step) * (float)SUBPIXELS + rest;
+        else weight[k] = CONVERT(float, 8, (long8)(first) + CONVERT(long, 8, step)) * (float)SUBPIXELS + rest;
+#endif
     }
 }
 
-#if FRAGMENT_COLOR
-// Colour of a record at a sample: its barycentric weights there.
-INLINE float4 shade(const float weight[3], uint record, uint source, global const uint *faces, global const void *palette,
-                    global const float *weights, global const float *normals, float3 view_direction)
+INLINE Reals square_root(Reals value)
 {
-    float vertex_weight[3];  // not yet divided by their sum
+    Reals root;
+#if __has_builtin(__builtin_sqrtf)
+    UNROLL for (int k = 0; k < SHADED; ++k) ((float *)&root)[k] = __builtin_sqrtf(((const float *)&value)[k]);
+#else
+    UNROLL for (int k = 0; k < SHADED; ++k) ((float *)&root)[k] = sqrt(((const float *)&value)[k]);
+#endif
+    return root;
+}
+
+// Colours of a record at some samples: weight, their barycentric weights there.
+INLINE void shade(const Reals weight[3], uint record, uint source, global const uint *faces, global const void *palette,
+                  global const float *weights, global const float *normals, float3 view, Shades *shades)
+{
+    Reals vertex_weight[3];  // not yet divided by their sum
     for (int j = 0; j < 3; ++j) {
-        vertex_weight[j] = 0.0f;
+        vertex_weight[j] = (Reals)(0.0f);
         for (int c = 0; c < 3; ++c) vertex_weight[j] += weight[c] * weights[9 * record + 3 * c + j];
+        // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
+        vertex_weight[j] = MAX(vertex_weight[j], (Reals)(0.0f));
     }
-    // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
-    float a = MAX(vertex_weight[0], 0.0f), b = MAX(vertex_weight[1], 0.0f), c = MAX(vertex_weight[2], 0.0f);
-    float scale = 1.0f / (a + b + c);
+    Reals a = vertex_weight[0], b = vertex_weight[1], c = vertex_weight[2];
+    Reals scale = 1.0f / (a + b + c);
     a *= scale, b *= scale, c *= scale;
     uint3 face = load_face(faces, source);
 #if COLOR_RATE_VERTEX
-    float4 color = a * palette_color(palette, face.x) + b * palette_color(palette, face.y) +
-                   c * palette_color(palette, face.z);
+    float4 p = palette_color(palette, face.x), q = palette_color(palette, face.y), r = palette_color(palette, face.z);
+    shades->red = a * p.x + b * q.x + c * r.x, shades->green = a * p.y + b * q.y + c * r.y;
+    shades->blue = a * p.z + b * q.z + c * r.z, shades->alpha = a * p.w + b * q.w + c * r.w;
 #else
     float4 color = palette_color(palette, COLOR_RATE_FACE ? source : 0);
+    shades->red = (Reals)(color.x), shades->green = (Reals)(color.y);
+    shades->blue = (Reals)(color.z), shades->alpha = (Reals)(color.w);
 #endif
 #if HEADLIGHT
-    float3 n = a * load3(normals, face.x) + b * load3(normals, face.y) + c * load3(normals, face.z);
-    float length2 = n.x * n.x + n.y * n.y + n.z * n.z;
-    float facing = n.x * view_direction.x + n.y * view_direction.y + n.z * view_direction.z;
-    float cosine = length2 > 0.0f ? MIN(fabs(facing) / sqrt(length2), 1.0f) : 1.0f;
-    float light = AMBIENT + (1.0f - AMBIENT) * cosine;
+    float3 n_a = load3(normals, face.x), n_b = load3(normals, face.y), n_c = load3(normals, face.z);
+    Reals n_x = a * n_a.x + b * n_b.x + c * n_c.x, n_y = a * n_a.y + b * n_b.y + c * n_c.y;
+    Reals n_z = a * n_a.z + b * n_b.z + c * n_c.z;
+    Reals length2 = n_x * n_x + n_y * n_y + n_z * n_z, facing = n_x * view.x + n_y * view.y + n_z * view.z;
+    Reals cosine = MIN(MAX(facing, -facing) / square_root(length2), (Reals)(1.0f));
+    cosine = length2 > (Reals)(0.0f) ? cosine : (Reals)(1.0f);
+    Reals light = AMBIENT + (1.0f - AMBIENT) * cosine;
 #ifdef LIGHT_IN_ALPHA
-    color.w = light;  // for a technique that has no use for the alpha, and one for the colour without the light
+    shades->alpha = light;  // for a technique that has no use for the alpha, and one for the colour without the light
 #else
-    color.xyz *= light;
+    shades->red *= light, shades->green *= light, shades->blue *= light;
 #endif
 #endif
-    return color;
+}
+
+INLINE float4 shade_of(const Shades *shades, int k)
+{
+    return (float4)(((const float *)&shades->red)[k], ((const float *)&shades->green)[k],
+                    ((const float *)&shades->blue)[k], ((const float *)&shades->alpha)[k]);
 }
 #endif
 
@@ -258,20 +301,33 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, i
                       Colors *colors)
 {
 #if FRAGMENT_COLOR
-    for (int k = 0; k < STRIP; ++k) {
-        float4 color = (float4)(0.0f);
-        uint at = ((const uint *)&payload)[k];
-        if (at != (uint)ABSENT) {
-            int pixel = strip * STRIP + k, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
+    const uint *places = (const uint *)&payload;
+    for (int first = 0; first < STRIP; first += SHADED) {
+        uint left = 0;
+        for (int k = 0; k < SHADED; ++k) {
+            int own = first + k;
+            ((float *)&colors->red)[own] = ((float *)&colors->green)[own] = 0.0f;
+            ((float *)&colors->blue)[own] = ((float *)&colors->alpha)[own] = 0.0f;
+            left |= (uint)(places[own] != (uint)ABSENT) << k;
+        }
+        while (left) {  // record by record: mostly one
+            uint at = places[first + LOWEST_BIT(left)], same = 0;
+            global const Triangle *t = triangles + pairs[at];
+            for (int k = 0; k < SHADED; ++k) same |= (uint)(places[first + k] == at) << k;
+            int pixel = strip * STRIP + first, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
             int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, width);
             int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, height);
-            float weight[3];
-            global const Triangle *t = triangles + pairs[at];
+            Reals weight[3];
             weights_at(t, x, y, weight);
-            color = shade(weight, pairs[at], t->source, faces, palette, weights, normals, view);
+            Shades shades;
+            shade(weight, pairs[at], t->source, faces, palette, weights, normals, view, &shades);
+            for (left &= ~same; same; same &= same - 1) {
+                int k = LOWEST_BIT(same);
+                float4 color = shade_of(&shades, k);
+                ((float *)&colors->red)[first + k] = color.x, ((float *)&colors->green)[first + k] = color.y;
+                ((float *)&colors->blue)[first + k] = color.z, ((float *)&colors->alpha)[first + k] = color.w;
+            }
         }
-        ((float *)&colors->red)[k] = color.x, ((float *)&colors->green)[k] = color.y;
-        ((float *)&colors->blue)[k] = color.z, ((float *)&colors->alpha)[k] = color.w;
     }
 #else
     VECTOR(ulong) fragment = CONVERT(ulong, STRIP, payload);
@@ -304,16 +360,24 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
     VECTOR(uint) *places = next + OWN(block);
     uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
 #if FRAGMENT_COLOR
-    for (uint bits = BITS_OF(covered); bits; bits &= bits - 1) {
-        int k = LOWEST_BIT(bits);
-        uint to = ((uint *)places)[k];
-        ((uint *)places)[k] += layout->step;
-        if (to >= layout->room) continue;
-        to += strip_start;
-        float at_sample[3] = {((const float *)weight)[k], ((const float *)(weight + 1))[k], ((const float *)(weight + 2))[k]};
-        colors[to] = shade(at_sample, pairs[place], t->source, faces, palette, weights, normals, view);
-        fragments[to] = ((const ulong *)&value)[k] | PAYLOAD(to, t);
-        if (sources) sources[to] = t->source;
+    uint all = BITS_OF(covered);
+    for (int first = 0; first < STRIP; first += SHADED) {
+        uint bits = all >> first & SHADED_BITS;
+        if (!bits) continue;
+        Reals at_samples[3];
+        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = ((const Reals *)(weight + j))[first / SHADED];
+        Shades shades;
+        shade(at_samples, pairs[place], t->source, faces, palette, weights, normals, view, &shades);
+        for (; bits; bits &= bits - 1) {
+            int k = first + LOWEST_BIT(bits);
+            uint to = ((uint *)places)[k];
+            ((uint *)places)[k] += layout->step;
+            if (to >= layout->room) continue;
+            to += strip_start;
+            colors[to] = shade_of(&shades, k - first);
+            fragments[to] = ((const ulong *)&value)[k] | PAYLOAD(to, t);
+            if (sources) sources[to] = t->source;
+        }
     }
 #else
     VECTOR(uint) to = *places;
