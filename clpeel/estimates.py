@@ -50,7 +50,9 @@ def work_of(
         drawn = float(weights @ solid)
         return Work(float(weights @ counting_nanoseconds(records, opaque_visits)), drawn, drawn * shaded, tiles.pixels)
     records = records - opaque_records
-    if technique.peeled is not None:
+    if technique.stores_fragments:
+        seen = ALL_LAYERS  # it has them all before it can tell
+    elif technique.peeled is not None:
         seen = min(seen, sum(technique.peeled(**options)))
     needed = np.minimum(deepest, seen)
     different, which = np.unique(needed, return_inverse=True)
