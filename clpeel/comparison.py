@@ -286,10 +286,10 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
 
 
 def aligned(cells: Sequence[Sequence[str]]) -> list[str]:
-    """Rows of cells, the first to the left, the others to the right."""
+    """Rows of cells, the first to the left, the others to the right, a space apart: wide names and all fit 120."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [
-        "  ".join([f"{row[0]:<{widths[0]}}", *(f"{text:>{n}}" for text, n in zip(row[1:], widths[1:], strict=True))])
+        " ".join([f"{row[0]:<{widths[0]}}", *(f"{text:>{n}}" for text, n in zip(row[1:], widths[1:], strict=True))])
         for row in cells
     ]
 

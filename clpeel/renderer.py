@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from clpeel.auto import choose
 from clpeel.binning import BATCH_SHARE, Batch, bin_triangles
-from clpeel.blending import DEFAULT_PRECISION, PRECISION, blending_bound
+from clpeel.blending import DEFAULT_PRECISION, PRECISION, blending_bound, color_bytes
 from clpeel.camera import Camera
 from clpeel.composite import Finished, Picture
 from clpeel.device import Gpu, open_device
@@ -24,7 +24,7 @@ from clpeel.errors import InputError
 from clpeel.image import save_png
 from clpeel.layers import STAGE as LAYERS_STAGE
 from clpeel.layers import Layers, find_layers
-from clpeel.layout import COLOR_BYTES, DEPTH_FORMATS, FLOAT32_REVERSED, FRAGMENT_BYTES, MAX_SIDE, OPAQUE_BYTES
+from clpeel.layout import COLOR_BYTES, DEPTH_FORMATS, FLOAT32_REVERSED, FRAGMENT_BYTES, MAX_SIDE
 from clpeel.memory import MIN_MEMORY, MOST_LISTED, parse_memory
 from clpeel.normals import with_normals
 from clpeel.opaque import draw_opaque
@@ -295,7 +295,8 @@ class Renderer:
             "kernel_seconds": kernel_seconds,
             "bytes": {"scene": on_device.nbytes, **buffers},
             "bytes_per_pixel": (on_device.nbytes + sum(buffers.values())) / pixels,
-            "buffer_bytes_per_pixel": chosen.buffer_bytes(layers_max, options) + (OPAQUE_BYTES if mixed else 0),
+            "buffer_bytes_per_pixel": chosen.buffer_bytes(layers_max, options)
+            + (FRAGMENT_BYTES + color_bytes(options) if mixed else 0),  # z-far, and the colour there (opaque.h)
             "device": gpu.device.name.strip(),
             "lanes": gpu.lanes,
             "notes": list(self.scene.notes),

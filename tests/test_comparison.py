@@ -28,7 +28,7 @@ from soups import AHEAD, BENCH
 
 import clpeel
 from clpeel import cli
-from clpeel.blending import PRECISIONS
+from clpeel.blending import DEFAULT_PRECISION, PRECISIONS, blending_bound
 from clpeel.comparison import COLUMNS, FIGURES, FLIP_HINT, STEP, Comparison, Row, flip_error, judged
 from clpeel.comparison_page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
 from clpeel.renderer import Renderer
@@ -85,8 +85,8 @@ def test_figures_in_closed_form() -> None:
     assert np.abs(comparison.truth - [0, 0, 0, 1 - (1 - a) * (1 - b)]).max() < 1e-15
     assert (comparison.layers_max, comparison.fragments, comparison.triangles) == (2, 2 * 16 * 16, 2)
     errors = {
-        "weighted-average, float32": (a - b) ** 2 / 4,  # (1 - (a + b) / 2)^2
-        "weighted-sum, float32": a * b,  # 1 - a - b
+        "weighted-average": (a - b) ** 2 / 4,  # (1 - (a + b) / 2)^2
+        "weighted-sum": a * b,  # 1 - a - b
         "depth-peeling, passes 1": (1 - a) * b,
         "sort": 0,
     }
@@ -98,7 +98,7 @@ def test_figures_in_closed_form() -> None:
         assert (row.share_above_1, row.share_above_8) == (error > 1 / 255, error > 8 / 255), name
         if error:
             assert row.psnr == pytest.approx(-20 * math.log10(error), abs=1e-4), name
-    assert rows["weighted-average, float32"].share_above_8 == 0 < rows["weighted-average, float32"].share_above_1
+    assert rows["weighted-average"].share_above_8 == 0 < rows["weighted-average"].share_above_1
     assert rows["depth-peeling"].passes == 2 and rows["dual-depth-peeling"].passes == 2
     assert rows["depth-peeling, passes 1"].truncation_bound == pytest.approx(1 - a)
 
@@ -155,7 +155,9 @@ def test_errors_are_what_the_pictures_say(soup: soups.Soup, compared: Comparison
         assert row.rms_error == pytest.approx(np.sqrt((error**2).mean()), rel=1e-12)
         assert (row.image == result.image).all() and (row.error == error.max(axis=2).astype(np.float32)).all()
         if row.exact:
-            assert row.max_error <= row.truncation_bound + compared.rounding, row.name
+            rounding = blending_bound(compared.layers_max, row.precision)
+            assert row.max_error <= row.truncation_bound + rounding, row.name
+            assert rounding == compared.rounding or row.precision != DEFAULT_PRECISION
             assert row.budget or row.truncation_bound == 0
     assert {row.exact for row in compared.rows if row.max_error <= compared.rounding} == {True}
     assert any(row.truncation_bound > 0.1 for row in compared.rows)
@@ -194,24 +196,42 @@ def test_rows_are_the_registry_times_what_was_asked(compared: Comparison) -> Non
     want = []
     for name in PICTURES:
         options = TECHNIQUES[name].options
-        for precision in PRECISIONS if "precision" in options else [None]:
+        precisions = dict.fromkeys(["float32", TECHNIQUES[name].paper_precision]) if "precision" in options else [None]
+        for precision in precisions:
             want += [(name, precision, budget) for budget in ([None, 1, 2] if "passes" in options else [None])]
     assert [(row.technique, row.precision, row.budget) for row in compared.rows] == want
     assert "thickness" in compared.notes[0] and len(compared.notes) == 1
+    papers = {row.technique: row.precision for row in compared.rows}  # the last of each
+    assert papers["sort"] == "float32" and papers["depth-peeling"] == "unorm8" and papers["weighted-sum"] == "half"
+
+
+def test_precisions_are_asked_for_of_all_that_have_them() -> None:
+    rows = clpeel.compare(stack(0.5), AHEAD.camera(), SIZE, precisions=["unorm8", "half"], frames=1).rows
+    has = [name for name in PICTURES if "precision" in TECHNIQUES[name].options]
+    assert [(row.technique, row.precision) for row in rows] == [(name, p) for name in has for p in ("half", "unorm8")]
+    assert [row.name for row in rows] == [f"{row.technique}, {row.precision}" for row in rows]
 
 
 def test_a_choice_keeps_the_registrys_order() -> None:
     comparison = clpeel.compare(
         stack(0.5), AHEAD.camera(), SIZE, ["weighted-sum", "sort"], ["half"], budgets=[3], frames=1
     )
-    assert [row.name for row in comparison.rows] == ["sort", "weighted-sum, half"]
+    assert [row.name for row in comparison.rows] == ["sort, half", "weighted-sum, half"]
     assert comparison.notes == ()
 
 
 def test_a_budget_that_a_technique_refuses_is_said() -> None:
     comparison = clpeel.compare(stack(0.5), AHEAD.camera(), SIZE, ["glowscript"], budgets=[4, 9], frames=1)
-    assert [row.budget for row in comparison.rows] == [None, 4]
-    assert comparison.notes == ("left out: glowscript, passes 9: passes: expected 1..4, got 9",)
+    assert [(row.precision, row.budget) for row in comparison.rows] == [
+        ("float32", None),
+        ("float32", 4),
+        ("unorm8", None),
+        ("unorm8", 4),
+    ]
+    assert comparison.notes == (
+        "left out: glowscript, passes 9: passes: expected 1..4, got 9",
+        "left out: glowscript, unorm8, passes 9: passes: expected 1..4, got 9",
+    )
 
 
 def test_memory_is_that_of_the_technique_alone(soup: soups.Soup) -> None:
@@ -243,8 +263,10 @@ def test_frames_take_turns(monkeypatch: pytest.MonkeyPatch) -> None:
         progress=lambda done, text: told.append(done),
     ).rows
     names = [name for name, _ in calls]
-    assert names == ["sort"] * 2 + ["depth-peeling"] * 2 + ["sort", "depth-peeling"] * 2
-    assert rows[0].seconds == tuple(calls[k][1] for k in (1, 4, 6))
+    # depth-peeling in float32, and in the paper's 8 bits.
+    assert names == ["sort"] * 2 + ["depth-peeling"] * 4 + ["sort", "depth-peeling", "depth-peeling"] * 2
+    assert rows[0].seconds == tuple(calls[k][1] for k in (1, 6, 9))
+    assert rows[2].seconds == tuple(calls[k][1] for k in (5, 8, 11)) and rows[2].name == "depth-peeling, unorm8"
     assert rows[0].seconds_least <= rows[0].seconds_median <= rows[0].seconds_greatest and rows[0].frames == 3
     assert told[0] == 0 and told[-1] == 1 and told == sorted(told)
 
@@ -331,7 +353,7 @@ def interrupt_after(monkeypatch: pytest.MonkeyPatch, renders: int) -> None:
 def test_what_is_finished_is_kept(renders: int, frames: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     interrupt_after(monkeypatch, renders)
     with pytest.raises(clpeel.Interrupted) as caught:
-        clpeel.compare(stack(0.5), AHEAD.camera(), SIZE, ["sort", "depth-peeling"], frames=3)
+        clpeel.compare(stack(0.5), AHEAD.camera(), SIZE, ["sort", "depth-peeling"], ["float32"], frames=3)
     assert isinstance(caught.value, KeyboardInterrupt)
     comparison = caught.value.comparison
     assert [row.frames for row in comparison.rows] == frames
@@ -353,7 +375,7 @@ def test_progress_may_interrupt() -> None:
 
     with pytest.raises(clpeel.Interrupted) as caught:
         clpeel.compare(stack(0.5), AHEAD.camera(), SIZE, ["sort", "depth-peeling"], frames=2, progress=progress)
-    assert [row.frames for row in caught.value.comparison.rows] == [2, 1]
+    assert [row.frames for row in caught.value.comparison.rows] == [2, 1, 1]
 
 
 # --- tables and files -------------------------------------------------------------------------------------------------

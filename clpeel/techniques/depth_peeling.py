@@ -22,7 +22,7 @@ def passes_for(layers: int, options: dict[str, Any]) -> int:
 
 def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
     """Those of multi-layer peeling of one layer a pass."""
-    return multi_layer_peeling.buffer_bytes(layers, {"layers_per_pass": 1})
+    return multi_layer_peeling.buffer_bytes(layers, {**options, "layers_per_pass": 1})
 
 
 draw = partial(peel, "techniques/depth-peeling.cl", 0)
