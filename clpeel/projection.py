@@ -69,6 +69,7 @@ class Triangles:
     size: tuple[int, int]  # width, height in pixels
     view: tuple[float, float, float]  # view direction, unit length
     clipping: tuple[float, float]  # view distances of the near and the far plane, in world units
+    depth_scale: float  # what window depths are multiplied with (depth.h); of the view, whatever kernels are built for
     faces: int
     listed: int
     clipped: int
@@ -86,12 +87,6 @@ class Triangles:
     def setup_features(self) -> Features:
         """What the stages before fragments are compiled for: they know no depth format."""
         return replace(self.features, depth_format=DEPTH_FORMATS[FLOAT32_REVERSED])
-
-    @property
-    def depth_scale(self) -> float:
-        """What window depths are multiplied with (depth.h)."""
-        near, far = self.clipping
-        return 1 / (1 - near / far) if self.features.perspective else 1.0
 
     @property
     def shading(self) -> dict[str, Any]:
@@ -270,6 +265,7 @@ def project(
         size=size,
         view=(float(direction[0]), float(direction[1]), float(direction[2])),
         clipping=clipping,
+        depth_scale=1.0 if camera.orthographic else 1 / (1 - clipping[0] / clipping[1]),
         faces=face_count,
         listed=listed_count,
         clipped=clipped_count,

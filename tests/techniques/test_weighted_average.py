@@ -112,7 +112,12 @@ def test_half_is_that_of_numpy() -> None:
 
     rng = np.random.default_rng(3)
     values = np.concatenate(
-        [np.exp2(rng.uniform(-30, 17, 50_000)), np.arange(2048) * 2.0**-25, [65504, 65519.996, 65520, 1e9]]
+        [
+            np.exp2(rng.uniform(-30, 17, 50_000)),
+            np.arange(2048) * 2.0**-25,
+            1 + np.arange(1023.5) / 2048,
+            [65504, 65519.996, 65520, 1e9],
+        ]
     )
     values = np.r_[0.0, values, np.inf].astype(np.float32)
     values = values[: len(values) // 16 * 16]
