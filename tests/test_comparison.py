@@ -28,11 +28,11 @@ from soups import AHEAD, BENCH
 
 import clpeel
 from clpeel import cli
+from clpeel.blending import PRECISIONS
 from clpeel.comparison import COLUMNS, FIGURES, FLIP_HINT, STEP, Comparison, Row, flip_error, judged
 from clpeel.comparison_page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
 from clpeel.renderer import Renderer
 from clpeel.techniques import TECHNIQUES
-from clpeel.blending import PRECISIONS
 
 if TYPE_CHECKING:
     from conftest import Judge
