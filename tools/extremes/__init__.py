@@ -1,0 +1,1 @@
+"""What tools/plot_extremes.py measures, and how it is drawn."""

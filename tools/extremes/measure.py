@@ -1,0 +1,389 @@
+"""How far pictures are off at the extremes: real renders beside float64, and the bounds that are known beforehand."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from benchmark.runs import SHARED, TOOLS
+from numpy.typing import NDArray
+
+import clpeel
+from clpeel.blending import DEFAULT_PRECISION, PRECISION
+from clpeel.comparison import true_colors
+from clpeel.layout import DEPTH_FORMATS
+from clpeel.techniques import TECHNIQUES
+
+Floats = NDArray[np.float64]
+Points = dict[float, float]
+"""What was found at each place of the horizontal axis."""
+Series = dict[str, Points]
+"""By name: a technique and its precision, or a depth format, or which positions."""
+Report = Callable[[str], None]
+
+UNIT = 2.0**-24
+STEPS = 255
+VIEW = clpeel.Camera((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), view_angle=90.0, clipping_range=(0.5, 8.0))
+RGB = (1.0, 0.7, 0.3)
+PEELS = 4  # of glowscript
+MOST = {"depth-peeling": 4096, "dual-depth-peeling": 4096, "multi-layer-peeling": 16_384}
+"""Layers that a technique goes through in sane time: its passes go over all of them, so that it takes N^2 steps."""
+
+
+def own_precisions(name: str) -> list[str]:
+    """Float32 and that of the technique's paper."""
+    return list(dict.fromkeys((DEFAULT_PRECISION, TECHNIQUES[name].paper_precision)))
+
+
+def blending() -> list[str]:
+    """The techniques that blend layers of one pixel to a colour, and make no map."""
+    return [name for name, made in TECHNIQUES.items() if PRECISION in made.options and not made.maps]
+
+
+def series_name(technique: str, precision: str) -> str:
+    """As the tables and plots call it."""
+    return f"{technique}, {precision}"
+
+
+# --- the bounds that are drawn in -------------------------------------------------------------------------------------
+
+
+def float32_bound(layers: float) -> float:
+    """3 N 2^-24: the float32 error of blending N layers."""
+    return 3 * layers * UNIT
+
+
+def over_bound(alpha: float) -> float:
+    """0.5 / a steps of 8 bits, whatever N: each blend is half a step off, and passes on 1 - a of what it was given."""
+    return min(0.5 / alpha / STEPS, 1.0)
+
+
+def half_bound(layers: float) -> float:
+    """(N - 1) 2^-11 of a sum of N numbers in 16-bit floats."""
+    return (layers - 1) * 2.0**-11
+
+
+def reversed_resolution() -> float:
+    """2^-23 of a distance Z: half of what float32 leaves between near / Z and the next, on either side."""
+    return 2.0**-23
+
+
+def window_resolution(distance: float, near: float) -> float:
+    """Z^2 2^-24 / near of standard window depth, as a share of the distance Z."""
+    return distance * 2.0**-24 / near
+
+
+# --- layers -----------------------------------------------------------------------------------------------------------
+
+
+def stack(colors: Floats, away: Sequence[float] | Floats) -> clpeel.Scene:
+    """A triangle for each layer that fills VIEW, at these distances."""
+    away = np.asarray(away, np.float64)
+    corners = np.empty((len(away), 3, 3))
+    corners[..., :2] = np.array([[-4.0, -4.0], [12.0, -4.0], [-4.0, 12.0]]) * away[:, None, None]
+    corners[..., 2] = -away[:, None]
+    faces = np.arange(3 * len(away)).reshape(-1, 3)
+    return clpeel.Scene.from_arrays(corners.reshape(-1, 3), faces, face_colors=colors.astype(np.float32))
+
+
+def own_truth(technique: str, colors: Floats) -> Floats:
+    """The technique's own equation of layers [n, 4], front to back, in float64: premultiplied RGBA.
+
+    What it leaves out, or takes for granted, is thus no error: that is another matter (docs/compare.md).
+    """
+    colors = colors.astype(np.float32).astype(np.float64)
+    rgb, alpha = colors[:, :3], colors[:, 3]
+    sums: Floats = np.append(alpha @ rgb, alpha.sum())
+    if technique == "weighted-sum":
+        return sums
+    if technique == "weighted-average":
+        average = sums[3] / len(alpha)
+        cover = -math.expm1(len(alpha) * math.log1p(-average)) if average < 1 else 1.0
+        return np.append(sums[:3] * (cover / sums[3] if sums[3] else 0.0), cover)
+    if technique == "glowscript":
+        rgb, alpha = rgb[:PEELS], alpha[:PEELS]
+    clear = np.cumprod(np.append(1.0, 1 - alpha))
+    return np.append((alpha * clear[:-1]) @ rgb, 1 - clear[-1])
+
+
+def error_of(technique: str, precision: str, colors: Floats, device: str | None = None) -> float:
+    """The greatest error of a channel, alpha too, as a share of the greatest number where that is above 1."""
+    away = np.linspace(1, 7, len(colors))
+    result = clpeel.render(
+        stack(colors, away), VIEW, (1, 1), technique, device=device, precision=precision, opaque="blend"
+    )
+    want = own_truth(technique, colors)
+    off = np.abs(result.color[0, 0].astype(np.float64) - want).max() / max(1.0, float(np.abs(want).max()))
+    return float(off)
+
+
+def layers_of(count: int, alpha: float | None, seed: int = 0) -> Floats:
+    """N equal layers, or random ones: colours and alphas, these as likely small as great, from 10^-4 to 1."""
+    if alpha is not None:
+        return np.tile([*RGB, alpha], (count, 1))
+    rng = np.random.default_rng([count, seed])
+    return np.column_stack([rng.random((count, 3)), 10 ** rng.uniform(-4, 0, count)])
+
+
+def against_layers(
+    counts: Iterable[int], alpha: float | None, say: Report, device: str | None = None, seeds: int = 4
+) -> Series:
+    """Errors against the number of layers; of random ones the greatest of some."""
+    found: Series = {}
+    counts = list(counts)
+    for technique in blending():
+        for precision in own_precisions(technique):
+            name = series_name(technique, precision)
+            say(name)
+            tries = range(1 if alpha is not None else seeds)
+            found[name] = {
+                count: max(error_of(technique, precision, layers_of(count, alpha, seed), device) for seed in tries)
+                for count in counts
+                if count <= MOST.get(technique, count)
+            }
+    return found
+
+
+def against_alpha(alphas: Iterable[float], count: int, say: Report, device: str | None = None) -> Series:
+    """Errors of N equal layers against their alpha."""
+    alphas = list(alphas)
+    found: Series = {}
+    for technique in blending():
+        for precision in own_precisions(technique):
+            name = series_name(technique, precision)
+            say(name)
+            found[name] = {
+                alpha: error_of(technique, precision, layers_of(count, alpha), device)
+                for alpha in alphas
+                if count <= MOST.get(technique, count)
+            }
+    return found
+
+
+def sums_of(alphas: Iterable[float], counts: Iterable[int], say: Report, device: str | None = None) -> Series:
+    """What white layers add up to in 16-bit floats, by weighted-sum, against their number."""
+    counts = list(counts)
+    found: Series = {}
+    for alpha in alphas:
+        say(f"sums of {alpha:g}")
+        found[f"{alpha:g}"] = {}
+        for count in counts:
+            scene = stack(np.tile([1.0, 1.0, 1.0, alpha], (count, 1)), np.linspace(1, 7, count))
+            result = clpeel.render(scene, VIEW, (1, 1), "weighted-sum", device=device, precision="half", opaque="blend")
+            found[f"{alpha:g}"][count] = float(result.color[0, 0, 0])
+    return found
+
+
+# --- depth ------------------------------------------------------------------------------------------------------------
+
+SHARE = 0.5
+"""Where the two surfaces are, of the far plane's distance."""
+NEAR = 1.0
+SLANT = 0.05
+"""How their distance varies from one side of the picture to the other, so that pixels differ in how depths round."""
+
+
+def tells_apart(separation: float, far: float, depth_format: str, device: str | None = None) -> bool:
+    """Whether the nearer of two parallel surfaces is in front everywhere, though it is submitted last."""
+    distance = SHARE * far
+    corners = []
+    for away in (distance * (1 + separation), distance):
+        for x, y in ((-3, -3), (3, -3), (3, 3), (-3, 3)):
+            corners.append((x * distance, y * distance, -away - SLANT * x * distance))
+    faces = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
+    rgba = np.repeat(np.array([[1, 0, 0, 0.5], [0, 1, 0, 0.5]], np.float32), 2, axis=0)
+    scene = clpeel.Scene.from_arrays(corners, faces, face_colors=rgba)
+    view = clpeel.Camera((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), view_angle=90.0, clipping_range=(NEAR, far))
+    result = clpeel.render(scene, view, (48, 32), device=device, depth_format=depth_format)
+    if result.stats["fragments"] != 2 * 48 * 32:
+        raise RuntimeError(f"expected two surfaces in every pixel, got {result.stats['fragments']} fragments")
+    return bool((result.color[..., 1] == 0.5).all())
+
+
+def least_separation(far: float, depth_format: str, device: str | None = None, steps: int = 24) -> float:
+    """The least that tells them apart, as a share of their distance, by bisection; infinite where nothing does."""
+    low, high = 2.0**-40, 0.2
+    if not tells_apart(high, far, depth_format, device):
+        return math.inf
+    for _ in range(steps):
+        middle = math.sqrt(low * high)
+        if tells_apart(middle, far, depth_format, device):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def against_range(ratios: Iterable[float], say: Report, device: str | None = None, steps: int = 24) -> Series:
+    """The least separation of each depth format against far / near."""
+    ratios = list(ratios)
+    found: Series = {}
+    for depth_format in DEPTH_FORMATS:
+        say(depth_format)
+        points = {ratio: least_separation(ratio * NEAR, depth_format, device, steps) for ratio in ratios}
+        found[depth_format] = {ratio: least for ratio, least in points.items() if math.isfinite(least)}
+    return found
+
+
+# --- distance from the origin -----------------------------------------------------------------------------------------
+
+DETAIL = 1e-3
+"""The size of what is drawn."""
+AS_GIVEN, ROUNDED = "clpeel", "positions rounded to float32 first"
+
+
+def star(seed: int = 5) -> tuple[Floats, list[list[int]]]:
+    """Six triangles, DETAIL large, at a common centre and at random angles: corners [n, 3], faces."""
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(0, 2 * np.pi, 6)
+    corners = []
+    for k, angle in enumerate(angles):
+        for reach, turn in ((0.1, np.pi), (0.45, -0.12), (0.45, 0.12)):
+            corners.append((reach * np.cos(angle + turn), reach * np.sin(angle + turn), 0.02 * k))
+    return np.array(corners) * DETAIL, np.arange(18).reshape(6, 3).tolist()
+
+
+def edges_moved(
+    distance: float, size: int, positions: str = AS_GIVEN, device: str | None = None
+) -> tuple[float, float]:
+    """How far edges are on average from where they are at the origin, in DETAIL; and the least that can be seen.
+
+    It is the area that a scene moved by `distance` along each axis has drawn otherwise, over the length of its edges.
+    """
+    corners, faces = star()
+    offset = np.array([1.0, -1.0, 1.0]) * distance
+    pixel = 1.0 / size  # in DETAIL: the view is DETAIL wide
+    pictures = []
+    for at in (np.zeros(3), offset):
+        vertices = corners + at
+        if at.any() and positions == ROUNDED:
+            vertices = vertices.astype(np.float32).astype(np.float64)
+        scene = clpeel.Scene.from_arrays(vertices, faces, color=(0.2, 0.4, 0.6, 0.5))
+        view = clpeel.Camera(
+            at + np.array([0.0, 0.0, 2 * DETAIL]),
+            at,
+            view_angle=math.degrees(2 * math.atan(0.25)),
+            clipping_range=(DETAIL, 3 * DETAIL),
+        )
+        pictures.append(clpeel.render(scene, view, (size, size), device=device).color[..., 3])
+    around = corners.reshape(6, 3, 3)
+    length = float(np.linalg.norm(around - np.roll(around, 1, axis=1), axis=2).sum()) / DETAIL
+    least = pixel * pixel / length
+    return int((pictures[0] != pictures[1]).sum()) * least, least
+
+
+def against_distance(distances: Iterable[float], say: Report, device: str | None = None, size: int = 512) -> Series:
+    """How far edges move against the distance from the origin, with positions as they are given, and rounded before."""
+    distances = list(distances)
+    found: Series = {}
+    for positions in (AS_GIVEN, ROUNDED):
+        say(positions)
+        found[positions] = {distance: edges_moved(distance, size, positions, device)[0] for distance in distances}
+    return found
+
+
+# --- pictures of 8 bits -----------------------------------------------------------------------------------------------
+
+PEER = "VTK, dual depth peeling"
+Figures = dict[str, float]
+COUNTED = (0, 1, 2, 3, 4, 6, 8)
+"""Of a picture's values, what share is off by more steps than that."""
+
+
+def steps_off(image: NDArray[np.uint8], truth: NDArray[np.uint8], covered: NDArray[np.bool_]) -> Figures:
+    """Of pixels, the shares that are off by more than so many steps in a channel; RMS and greatest, in steps.
+
+    covered: the pixels that any surface covers, of which there is a share besides.
+    """
+    off = np.abs(image[..., :3].astype(int) - truth[..., :3])
+    worst = off.max(axis=-1)
+    return {
+        **{f"> {steps}": float((worst > steps).mean()) for steps in COUNTED},
+        "> 2, of covered pixels": float((worst[covered] > 2).mean()),
+        "values alike": float((off == 0).mean()),
+        "rms": float(np.sqrt((off.astype(float) ** 2).mean())),
+        "greatest": float(off.max()),
+    }
+
+
+def peers_picture(folder: Path, name: str, size: int) -> NDArray[np.uint8] | str:
+    """VTK's picture of a scene of the bench, or why there is none."""
+    if not (folder / "vtk_peer.py").is_file():
+        return f"no vtk_peer.py in {folder.name!r} (--scenes, or CLPEEL_SHARED)"
+    if find_spec("vtk") is None:
+        return "vtk is not installed (pip install vtk)"
+    with tempfile.TemporaryDirectory(prefix="clpeel-extremes-") as scratch:
+        out = Path(scratch) / "peer.npy"
+        command = [sys.executable, str(folder / "vtk_peer.py"), name, str(size), "dual", str(out)]
+        environment = {**os.environ, "FRAMES": "1", "MODELS": str(folder.parent / "models")}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode or not out.is_file():
+            return f"VTK cannot render here: {(done.stderr.strip().splitlines() or ['no message'])[-1]}"
+        picture: NDArray[np.uint8] = np.load(out)
+        return picture
+
+
+def bench_scene(folder: Path, name: str) -> tuple[clpeel.Scene, clpeel.Camera] | None:
+    """A scene of the bench and its camera, or None where there is no bench."""
+    path = folder / "scenes.py"
+    if not path.is_file():
+        return None
+    code = (
+        "import json, sys; import numpy as np; import scenes; v, f, c = scenes.named(sys.argv[1]); "
+        "np.savez(sys.argv[2], v=v, f=f, c=c); print(json.dumps(scenes.CAMERA))"
+    )
+    with tempfile.TemporaryDirectory(prefix="clpeel-extremes-") as scratch:
+        out = Path(scratch) / "scene.npz"
+        done = subprocess.run(
+            [sys.executable, "-c", code, name, str(out)],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(TOOLS)])},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        given = json.loads(done.stdout)
+        with np.load(out) as arrays:
+            scene = clpeel.Scene.from_arrays(arrays["v"], arrays["f"], face_colors=arrays["c"])
+    near, far = given.pop("near"), given.pop("far")
+    return scene, clpeel.Camera(**given, clipping_range=(near, far))
+
+
+def in_8_bits(
+    say: Report, folder: Path = SHARED / "bench", name: str = "grass", size: int = 1024, device: str | None = None
+) -> tuple[dict[str, Figures], str]:
+    """Of pictures of 8 bits, how many steps they are from float64's: ours, ours with buffers of 8 bits, and VTK's.
+
+    Returns what was found, and what is missing.
+    """
+    held = bench_scene(folder, name)
+    if held is None:
+        return {}, f"no scenes.py in {folder.name!r} (--scenes, or CLPEEL_SHARED)"
+    scene, camera = held
+    renderer = clpeel.Renderer(scene, device)
+    exact = [technique for technique, made in TECHNIQUES.items() if made.exact]
+    say("float64")
+    layers = renderer.render(camera, (size, size), exact[0], layers=True).layers
+    color = true_colors(layers)
+    over = np.clip(color[..., :3] + (1 - color[..., 3:]), 0, 1)
+    truth = np.floor(over * STEPS + 0.5).astype(np.uint8)
+    covered = (np.diff(layers.start) > 0).reshape(size, size)
+    found: dict[str, Figures] = {}
+    for technique in exact:
+        for precision in own_precisions(technique):
+            say(series_name(technique, precision))
+            image = renderer.render(camera, (size, size), technique, precision=precision).image
+            found[series_name(technique, precision)] = steps_off(image, truth, covered)
+    say(PEER)
+    theirs = peers_picture(folder, name, size)
+    if isinstance(theirs, str):
+        return found, theirs
+    found[PEER] = steps_off(theirs, truth, covered)
+    return found, ""
