@@ -261,12 +261,13 @@ def edges_moved(
     corners, faces = star()
     offset = np.array([1.0, -1.0, 1.0]) * distance
     pixel = 1.0 / size  # in DETAIL: the view is DETAIL wide
+    rgba = np.tile([0.2, 0.4, 0.6, 0.5], (len(faces), 1)).astype(np.float32)
     pictures = []
     for at in (np.zeros(3), offset):
         vertices = corners + at
         if at.any() and positions == ROUNDED:
             vertices = vertices.astype(np.float32).astype(np.float64)
-        scene = clpeel.Scene.from_arrays(vertices, faces, color=(0.2, 0.4, 0.6, 0.5))
+        scene = clpeel.Scene.from_arrays(vertices, faces, face_colors=rgba)
         view = clpeel.Camera(
             at + np.array([0.0, 0.0, 2 * DETAIL]),
             at,
