@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-RECORD, VISIT, PIXEL = 9.48, 2.71, 1.27
+RECORD, VISIT, PIXEL = 8.61, 2.64, 1.41
 """Nanoseconds of counting (counting.cl): a record of a tile made ready, a strip of it visited for one, and a
 pixel's count stored."""
 
@@ -27,17 +27,20 @@ class Cost:
     pixel: float
 
 
-OPAQUE = Cost(1.93, 1.09, 21.6, 0)
+OPAQUE = Cost(2.53, 0.293, 5.5, 0)
 """Of scenes with nothing transparent, whatever the technique; fragments are then samples with a surface."""
 
 COSTS = {
-    "sort": Cost(4.99, 1.01, 16.8, 0.8),
-    "depth-peeling": Cost(1.50, 1.78, 21.3, 1.8),
-    "dual-depth-peeling": Cost(1.79, 1.45, 20.8, 1.9),
-    "multi-layer-peeling": Cost(2.64, 0.81, 21.0, 2.1),
-    "glowscript": Cost(1.53, 1.75, 20.6, 1.9),
-    "thickness": Cost(3.68, 1.03, 0.1, 2.8),
-    "translucency": Cost(4.37, 1.11, 15.0, 2.6),
-    "weighted-average": Cost(4.71, 0.58, 16.9, 0.8),
-    "weighted-sum": Cost(4.61, 0.42, 16.6, 0.7),
+    "sort": Cost(5.35, 0.938, 2.37, 0.786),
+    "depth-peeling": Cost(1.68, 1.49, 5.58, 1.71),
+    "dual-depth-peeling": Cost(2.1, 1.14, 4.88, 1.89),
+    "multi-layer-peeling": Cost(3.34, 0.464, 5.13, 2.03),
+    "multi-layer-peeling, layers_per_pass 2": Cost(2.17, 1.18, 5.54, 1.82),
+    "multi-layer-peeling, layers_per_pass 4": Cost(2.62, 0.591, 5.05, 1.89),
+    "multi-layer-peeling, layers_per_pass 16": Cost(4.44, 0.673, 5, 2.33),
+    "glowscript": Cost(1.79, 0.891, 5.5, 1.87),
+    "thickness": Cost(3.84, 1.09, 0, 3.55),
+    "translucency": Cost(4.84, 0.989, 2.02, 3.18),
+    "weighted-average": Cost(5.18, 0.464, 2.53, 0.776),
+    "weighted-sum": Cost(5.02, 0.41, 2.45, 0.723),
 }
