@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from clpeel.binning import Batch
 from clpeel.blending import DEFAULT_PRECISION, blending_bound
 from clpeel.counting import TileCounts, look_at_some
@@ -21,7 +19,6 @@ from clpeel.draw import OWN_BUFFERS, checked_error
 from clpeel.estimates import cost_of, work_of
 from clpeel.layout import ALL_LAYERS, LIST_GAP
 from clpeel.projection import Triangles
-from clpeel.scene import Scene
 from clpeel.techniques import LAYERS, MAX_ERROR, TECHNIQUES, Technique, labelled
 
 STEP = 1 / 255
@@ -96,21 +93,6 @@ def error_for_8_bits(layers: int) -> float:
     return max(STEP - blending_bound(layers), 0.0)
 
 
-def optical_depths(scene: Scene) -> tuple[float, float]:
-    """-ln(1 - alpha) of the scene's transparent colours: its mean and its standard deviation; 0, 0 of none."""
-    alpha = np.atleast_1d(scene.colors[..., 3])
-    if alpha.dtype == np.uint8:
-        counts = np.bincount(alpha.reshape(-1), minlength=256)[:255]
-        values = np.arange(255) / 255
-    else:
-        values, counts = np.unique(alpha[alpha < 1].astype(np.float64), return_counts=True)
-    if counts.sum() == 0:
-        return 0.0, 0.0
-    depths = -np.log1p(-values)
-    mean = float(np.average(depths, weights=counts))
-    return mean, math.sqrt(float(np.average((depths - mean) ** 2, weights=counts)))
-
-
 def layers_seen(max_error: float, mean: float, deviation: float) -> int:
     """How many layers almost all pixels need until no more than max_error is left, of such optical depths."""
     if max_error <= 0 or mean <= 0:
@@ -151,18 +133,15 @@ def choose(
     checked = checked_error(max_error)
     error = error_for_8_bits(most_layers + 1) if checked is None else float(checked)
     features, records = triangles.features, int(batch.tile_pairs.sum())
-    scene = triangles.scene.scene
-    mean, deviation = optical_depths(scene)
-    seen = layers_seen(error, mean, deviation)
+    depths = triangles.scene.scene.optical_depths
+    seen = layers_seen(error, depths.mean, depths.deviation)
     found: TileCounts | None = None
     if features.surfaces != "opaque" and records >= FEW_RECORDS:
         found = look_at_some(gpu, triangles, batch)
-    alphas = np.atleast_1d(scene.colors[..., 3])
-    most_alpha = float(alphas.max()) / (255 if alphas.dtype == np.uint8 else 1)
     held = triangles.scene.nbytes
     held += sum(int(buffer.size) for name, buffer in gpu.buffers.items() if name not in OWN_BUFFERS)
     choices = []
-    for name, technique, options in candidates(error, most_layers, most_alpha):
+    for name, technique, options in candidates(error, most_layers, depths.most_alpha):
         if layers and LAYERS not in technique.options:
             continue
         capacity = capacity_of(technique)

@@ -20,13 +20,18 @@ class Work:
 
     walk: float
     fragment: float
-    shaded: float
+    lit_visit: float
+    lit_fragment: float
     pixel: float
 
     def nanoseconds(self, cost: Cost) -> float:
         """What it takes where the costs were measured."""
         return (
-            self.walk * cost.walk + self.fragment * cost.fragment + self.shaded * cost.shaded + self.pixel * cost.pixel
+            self.walk * cost.walk
+            + self.fragment * cost.fragment
+            + self.lit_visit * cost.lit_visit
+            + self.lit_fragment * cost.lit_fragment
+            + self.pixel * cost.pixel
         )
 
 
@@ -50,18 +55,21 @@ def work_of(
         opaque_visits = opaque_records = np.zeros_like(records)
     elif tiles.features.surfaces == "opaque":
         drawn = float(weights @ solid)
-        return Work(float(weights @ counting_nanoseconds(records, opaque_visits)), drawn, drawn * shaded, tiles.pixels)
+        walk = float(weights @ counting_nanoseconds(records, opaque_visits))
+        return Work(walk, drawn, 0.0, drawn * shaded, tiles.pixels)
     records = records - opaque_records
     if technique.stores_fragments:
         seen = ALL_LAYERS  # it has them all before it can tell
     elif technique.peeled is not None:
         seen = min(seen, sum(technique.peeled(**options)))
     needed = np.minimum(deepest, seen)
-    different, which = np.unique(needed, return_inverse=True)
-    passes = np.array([max(technique.passes_for(int(layers), options), 1) for layers in different], np.float64)[which]
+    passes = np.maximum(technique.passes_for(needed, options), 1)
     walks = passes * counting_nanoseconds(records, visits) + counting_nanoseconds(opaque_records, opaque_visits)
-    drawn = float(weights @ np.minimum(fragments, TILE_PIXELS * needed))
-    return Work(walk=float(weights @ walks), fragment=drawn, shaded=drawn * shaded, pixel=tiles.pixels)
+    drawn = np.minimum(fragments, TILE_PIXELS * needed)
+    # What is lit is lit by strips, of which a triangle smaller than a pixel has as many as a larger one.
+    lit = float(weights @ (visits * drawn / np.maximum(fragments, 1))) if shaded else 0.0
+    total = float(weights @ drawn)
+    return Work(float(weights @ walks), total, lit, total * shaded, tiles.pixels)
 
 
 def cost_of(row: str, technique: Technique, tiles: TileCounts) -> Cost | None:

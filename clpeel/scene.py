@@ -37,6 +37,15 @@ class Positions:
     scale: float
 
 
+@dataclass(frozen=True)
+class OpticalDepths:
+    """-ln(1 - alpha) of transparent colours: mean and standard deviation, 0 of none; and the greatest alpha, 0..1."""
+
+    mean: float
+    deviation: float
+    most_alpha: float
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Triangles with colours; make one with `Scene.from_arrays` or `clpeel.load`, which check what they are given.
@@ -120,6 +129,22 @@ class Scene:
         if self.vertex_colors is not None and solid.any():
             solid = solid[self.faces].all(axis=1)
         return "opaque" if solid.all() else "mixed" if solid.any() else "transparent"
+
+    @cached_property
+    def optical_depths(self) -> OpticalDepths:
+        """How much its transparent colours let through."""
+        alpha = np.atleast_1d(self.colors[..., 3])
+        if alpha.dtype == np.uint8:
+            counts = np.bincount(alpha.reshape(-1), minlength=256)[:255]
+            values = np.arange(255) / 255
+        else:
+            values, counts = np.unique(alpha[alpha < 1].astype(np.float64), return_counts=True)
+        if counts.sum() == 0:
+            return OpticalDepths(0.0, 0.0, 0.0)
+        depths = -np.log1p(-values)
+        mean = float(np.average(depths, weights=counts))
+        deviation = math.sqrt(float(np.average((depths - mean) ** 2, weights=counts)))
+        return OpticalDepths(mean, deviation, float(values[counts > 0].max()))
 
     @property
     def colors(self) -> Colors:

@@ -14,11 +14,12 @@ from soups import AHEAD, BENCH
 
 import clpeel
 from clpeel import auto, cli
-from clpeel.auto import error_for_8_bits, layers_seen, optical_depths
+from clpeel.auto import error_for_8_bits, layers_seen
 from clpeel.blending import blending_bound
 from clpeel.counting import LOOKED_AT, count_layers, look_at_some
 from clpeel.draw import checked_error
 from clpeel.projection import project, upload
+from clpeel.scene import OpticalDepths
 from clpeel.techniques import AUTO_OPTIONS, MAX_ERROR, TECHNIQUES, labelled
 from clpeel.techniques.weighted_sum import left_out
 
@@ -142,7 +143,8 @@ def test_layers_that_are_seen() -> None:
     """Of equal alphas: the first n with (1 - a)^n <= E, as in EXTREMES' bounds: 3 of .9, 9 of .5, 60 of .1."""
     for alpha in (0.9, 0.5, 0.3, 0.1, 1 / 255):
         scene = soups.stack([1.0], [1, 1, 1, alpha]).scene()
-        mean, deviation = optical_depths(scene)
+        depths = scene.optical_depths
+        mean, deviation = depths.mean, depths.deviation
         for error in (0.5 / 255, 1 / 255, 1 / 16):
             n = layers_seen(error, mean, deviation)
             through = 1 - float(np.float32(alpha))
@@ -152,7 +154,7 @@ def test_layers_that_are_seen() -> None:
     assert layers_seen(1.0, 1.0, 0.0) == 1
     # Of mixed ones more than of their mean, as some pixels have less.
     assert layers_seen(1 / 255, 0.5, 0.4) > layers_seen(1 / 255, 0.5, 0.0)
-    assert optical_depths(soups.stack([1.0], [1, 1, 1, 1.0]).scene()) == (0.0, 0.0)
+    assert soups.stack([1.0], [1, 1, 1, 1.0]).scene().optical_depths == OpticalDepths(0.0, 0.0, 0.0)
 
 
 @pytest.mark.usefixtures("looking")

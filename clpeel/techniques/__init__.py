@@ -40,7 +40,7 @@ PEELING = ("passes", "occlusion_query", "coincident", MAX_ERROR, PRECISION, LAYE
 """Options of all that peel until nothing is left (peel.py)."""
 
 
-def one_pass(layers: int, options: dict[str, Any]) -> int:
+def one_pass(layers: Any, options: dict[str, Any]) -> Any:
     """However many layers there are."""
     return 1
 
@@ -53,7 +53,8 @@ class Technique:
     fragments; buffer_bytes: (layers, options) tells what it keeps of a sample with so many layers; fragment_bytes: what
     it needs for each fragment besides the fragment. peeled: (**options) to how many transparent layers of a pixel, from
     the front and from the back, it peels; None where it does not sort. passes_for: (layers, options) to the geometry
-    passes that a picture takes whose deepest pixel has so many transparent layers, as the paper counts them.
+    passes that a picture takes whose deepest pixel has so many transparent layers, as the paper counts them; of
+    an array of layers an array, or one number for all.
     """
 
     summary: str
@@ -69,7 +70,7 @@ class Technique:
     """Of techniques with maps: (picture, triangles, background, **options) makes them of picture.values."""
     peeled: Callable[..., tuple[int, int]] | None = None
     check: Callable[..., None] = lambda **_: None
-    passes_for: Callable[[int, dict[str, Any]], int] = one_pass
+    passes_for: Callable[[Any, dict[str, Any]], Any] = one_pass
     stores_fragments: bool = False  # all of a pixel's at once, for which the memory has to be enough
     variants: tuple[dict[str, Any], ...] = ({},)  # options that `auto` has the choice of
     left_out: Callable[[int, float], float] | None = None

@@ -15,7 +15,7 @@ from clpeel.techniques import multi_layer_peeling
 SUMMARY = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
 
 
-def passes_for(layers: int, options: dict[str, Any]) -> int:
+def passes_for(layers: Any, options: dict[str, Any]) -> Any:
     """N (Everitt 2001)."""
     return layers
 

@@ -17,7 +17,7 @@ FIRST_PASSES = 1
 """The first pass finds the outermost layers and peels none."""
 
 
-def passes_for(layers: int, options: dict[str, Any]) -> int:
+def passes_for(layers: Any, options: dict[str, Any]) -> Any:
     """N / 2 + 1, (N + 1) / 2 + 1 where N is odd (Bavoil and Myers 2008)."""
     return (layers + 1) // 2 + FIRST_PASSES
 

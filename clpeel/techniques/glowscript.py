@@ -19,7 +19,7 @@ SUMMARY = (
 MOST_PEELS = 4
 
 
-def passes_for(layers: int, options: dict[str, Any]) -> int:
+def passes_for(layers: Any, options: dict[str, Any]) -> Any:
     """As many as are told: nothing tells it that fewer would do."""
     return int(options.get("passes", MOST_PEELS))
 

@@ -43,7 +43,7 @@ def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int =
     return layers
 
 
-def passes_for(layers: int, options: dict[str, Any]) -> int:
+def passes_for(layers: Any, options: dict[str, Any]) -> Any:
     """N / M, rounded up (Liu, Wei and Xu 2006)."""
     return -(-layers // int(options.get("layers_per_pass", layers_per_pass())))
 
