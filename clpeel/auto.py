@@ -159,10 +159,10 @@ def choose(
     fitting = [choice for choice in choices if choice.fits] or choices
     best = min(fitting, key=lambda choice: choice.nanoseconds)
     others = sorted((choice for choice in choices if choice is not best), key=lambda choice: choice.nanoseconds)
-    return Choice(best, error, reason(features.surfaces, found, seen, records, most_layers), tuple(others))
+    return Choice(best, error, reason(features.surfaces, found, seen, records), tuple(others))
 
 
-def reason(surfaces: str, found: TileCounts | None, seen: int, records: int, most_layers: int) -> str:
+def reason(surfaces: str, found: TileCounts | None, seen: int, records: int) -> str:
     """Why."""
     if surfaces == "opaque":
         return "nothing is transparent, so that one pass finds the nearest surfaces whatever the technique"
