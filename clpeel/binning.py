@@ -41,6 +41,11 @@ class Batch:
         """How many tiles it has."""
         return self.last_tile - self.first_tile + 1
 
+    @property
+    def most_layers(self) -> int:
+        """The longest list: no pixel has more layers."""
+        return int(self.tile_pairs.max())
+
 
 @dataclass(frozen=True)
 class Tiles:

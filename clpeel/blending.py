@@ -10,7 +10,7 @@ from clpeel.errors import InputError
 
 @dataclass(frozen=True)
 class Precision:
-    """How a buffer keeps a channel: in how many bytes, and how far off its rounding is at most, of a number 0..1."""
+    """How a buffer keeps a channel: in how many bytes, and how far off that is from a float32 at most, of 0..1."""
 
     channel_bytes: int
     rounding: float
@@ -25,7 +25,7 @@ PRECISION = "precision"
 """Option of all that blend colours."""
 
 PRECISIONS = {
-    "float32": Precision(4, 2.0**-25),
+    "float32": Precision(4, 0.0),
     "half": Precision(2, 2.0**-12),
     "unorm8": Precision(1, 0.5 / 255),
 }
@@ -59,5 +59,4 @@ def blending_bound(layers: int, precision: str = DEFAULT_PRECISION) -> float:
     the colour and the transmittance of each blend: the errors e of one and f of the other, together over a background
     e + f, grow by two roundings a layer at most, as e' <= (1 - a) e + u and f' <= f + a e + u.
     """
-    stored = 0.0 if precision == DEFAULT_PRECISION else 2 * layers * PRECISIONS[precision].rounding
-    return (3 * layers + 4) * 2.0**-24 + stored
+    return (3 * layers + 4) * 2.0**-24 + 2 * layers * PRECISIONS[precision].rounding

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.blending import DEFAULT_PRECISION, PRECISIONS
+from clpeel.blending import DEFAULT_PRECISION, PRECISIONS, blending_bound
 from clpeel.camera import Camera
 from clpeel.errors import InputError
 from clpeel.layers import Layers
@@ -157,7 +157,7 @@ class Comparison:
     @property
     def rounding(self) -> float:
         """What blending so many layers in float32 may be off by: (3 N + 4) 2^-24, of 1."""
-        return (3 * self.layers_max + 4) * 2.0**-24
+        return blending_bound(self.layers_max)
 
     def front(self) -> list[bool]:
         """Of each row, whether no other is at once as fast and as near the truth, and better in one of these.

@@ -18,8 +18,9 @@ from clpeel.counting import Counted, count_layers
 from clpeel.errors import InputError
 from clpeel.estimates import estimated_seconds
 from clpeel.image import save_png
-from clpeel.layout import ALL_LAYERS, OPAQUE_BYTES
+from clpeel.layout import ALL_LAYERS
 from clpeel.memory import parse_memory
+from clpeel.opaque import opaque_bytes
 from clpeel.projection import upload
 from clpeel.renderer import LIGHTINGS, Progress, Renderer, check_picture_fits, checked_size
 from clpeel.renderer import OPAQUE as OPAQUE_CHOICES
@@ -241,7 +242,7 @@ def need_of(name: str, counted: Counted, shaded: bool) -> Need:
     return Need(
         technique=name,
         passes=0 if nothing else technique.passes_for(deepest, {}),
-        bytes_per_pixel=kept + (OPAQUE_BYTES if surfaces == "mixed" and not technique.maps else 0),
+        bytes_per_pixel=kept + (opaque_bytes({}) if surfaces == "mixed" and not technique.maps else 0),
         exact=technique.exact,
         left_out=left_out_by(technique, counted),
         seconds=estimated_seconds(name, technique, counted, shaded, {}),

@@ -134,11 +134,10 @@ def bounded(gpu: Gpu, target: dict[str, Any], max_error: float | None) -> tuple[
 def slabs_for(gpu: Gpu, batch: Batch, capacity: int) -> tuple[int, int, int]:
     """How many groups draw a batch (draw.h), the rows of a strip's layers, and the fragments of a group's slab."""
     groups = groups_for(gpu, batch)
-    most_layers = int(batch.tile_pairs.max())  # there cannot be more
     rows = min(
         max(CACHED_FRAGMENTS // (groups * TILE_PIXELS), LEAST_ROWS),
         MOST_ROWS,
-        -(-most_layers // ROWS_APART) * ROWS_APART + 2,
+        -(-batch.most_layers // ROWS_APART) * ROWS_APART + 2,
     )
     # Where many slabs are too much, fewer groups; at last, smaller slabs, which hold fewer rows.
     slab = rows * TILE_PIXELS
@@ -150,7 +149,7 @@ def slab_bytes(
 ) -> int:
     """Of the device's memory that draw_once takes for a batch, unless a pixel has more fragments than a slab."""
     groups, _, slab = slabs_for(gpu, batch, capacity // BLOCK_PIXELS * BLOCK_PIXELS)
-    deep = int(batch.tile_pairs.max()) > RUN_MAX
+    deep = batch.most_layers > RUN_MAX
     return groups * (slab + FRAGMENT_PADDING) * (features.fragment_bytes + scratch_bytes * deep) + 16 * batch.tiles
 
 
@@ -174,7 +173,7 @@ def draw_once(
     """
     features = triangles.features
     stage, kernel = path.removesuffix(".cl").rpartition("/")[2], program(gpu, path, features, **defines)["draw"]
-    deep = int(batch.tile_pairs.max()) > RUN_MAX
+    deep = batch.most_layers > RUN_MAX
     tile_totals = gpu.buffer("tile_totals", 16 * batch.tiles)
     capacity = capacity // BLOCK_PIXELS * BLOCK_PIXELS  # slabs begin where rows may
     groups, rows, slab = slabs_for(gpu, batch, capacity)

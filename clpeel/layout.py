@@ -62,9 +62,6 @@ COLOR_BYTES = 16
 SOURCE_BYTES = 4
 """The face of a fragment that has a colour of its own, where it is asked for."""
 
-OPAQUE_BYTES = FRAGMENT_BYTES + COLOR_BYTES
-"""Of a sample where opaque surfaces come first: z-far, and the colour there (opaque.h)."""
-
 MAX_CLIP_VERTICES = 10
 """A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners; one more for room."""
 

@@ -7,14 +7,20 @@ from typing import Any
 import numpy as np
 
 from clpeel.binning import Batch
-from clpeel.blending import DEFAULT_PRECISION, precision_define
+from clpeel.blending import DEFAULT_PRECISION, color_bytes, precision_define
 from clpeel.device import Gpu
 from clpeel.draw import Drawn, Report, draw_tiles, groups_for
+from clpeel.layout import FRAGMENT_BYTES
 from clpeel.program import program
 from clpeel.projection import Triangles
 from clpeel.raster import walk_arguments
 
 STAGE = "opaque"
+
+
+def opaque_bytes(options: dict[str, Any]) -> int:
+    """Of a sample where opaque surfaces come first: z-far, and the colour there (opaque.h), with these options."""
+    return FRAGMENT_BYTES + color_bytes(options)
 
 
 def draw_opaque(

@@ -60,7 +60,7 @@ def check_peeling(
 
 def totals_bytes(gpu: Gpu, features: Features, batch: Batch, capacity: int, options: dict[str, Any]) -> int:
     """Of the device's memory that `peel` takes for a batch: a tile's buffers are its lane's own."""
-    return 16 * (int(batch.tile_pairs.max()) + 3) + 4 * TILE_TOTALS * batch.tiles
+    return 16 * (batch.most_layers + 3) + 4 * TILE_TOTALS * batch.tiles
 
 
 def peel(
@@ -92,7 +92,7 @@ def peel(
     """
     check_peeling(passes, occlusion_query, coincident, max_error, precision)
     # There cannot be more layers than a tile has records; one pass more is the empty one that ends them.
-    most_layers = int(batch.tile_pairs.max())
+    most_layers = batch.most_layers
     most = [int(passes)] if passes is not None else []
     most += [most_layers + 1] if occlusion_query else []
     most_passes, most_repeats = first_passes + min(most), 1

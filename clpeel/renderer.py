@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from clpeel.auto import choose
 from clpeel.binning import BATCH_SHARE, Batch, bin_triangles
-from clpeel.blending import DEFAULT_PRECISION, PRECISION, blending_bound, color_bytes
+from clpeel.blending import DEFAULT_PRECISION, PRECISION, blending_bound
 from clpeel.camera import Camera
 from clpeel.composite import Finished, Picture
 from clpeel.device import Gpu, open_device
@@ -27,7 +27,7 @@ from clpeel.layers import Layers, find_layers
 from clpeel.layout import COLOR_BYTES, DEPTH_FORMATS, FLOAT32_REVERSED, FRAGMENT_BYTES, MAX_SIDE
 from clpeel.memory import MIN_MEMORY, MOST_LISTED, parse_memory
 from clpeel.normals import with_normals
-from clpeel.opaque import draw_opaque
+from clpeel.opaque import draw_opaque, opaque_bytes
 from clpeel.program import device_seconds
 from clpeel.projection import DeviceScene, project, upload
 from clpeel.scene import Scene, checked_background
@@ -296,7 +296,7 @@ class Renderer:
             "bytes": {"scene": on_device.nbytes, **buffers},
             "bytes_per_pixel": (on_device.nbytes + sum(buffers.values())) / pixels,
             "buffer_bytes_per_pixel": chosen.buffer_bytes(layers_max, options)
-            + (FRAGMENT_BYTES + color_bytes(options) if mixed else 0),  # z-far, and the colour there (opaque.h)
+            + (opaque_bytes(options) if mixed else 0),
             "device": gpu.device.name.strip(),
             "lanes": gpu.lanes,
             "notes": list(self.scene.notes),
