@@ -38,13 +38,13 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
     if known.all() or known[scene.faces].all():
         return replace(scene, vertex_normals=_filled(normals))
 
-    points = _scaled(scene.vertices)
+    points = _scaled(scene)
     areas = _area_normals(points, scene.faces)
     units = _unit(areas)
     usable = np.asarray(units.any(axis=0))
-    _, place = _distinct(points)
+    first, place = _distinct(points)
     place_of_corner = place[scene.faces]
-    axes, side, creased = _smooth(units, areas, place_of_corner, crease)
+    axes, side, creased = _smooth(units, areas, place_of_corner, len(first), crease)
 
     # plain corners take the one normal of their place; the others have normals of their own
     normals = np.where(known[:, None], normals, axes.T[place].astype(np.float32))
@@ -74,12 +74,12 @@ def _filled(normals: NDArray[np.float32]) -> NDArray[np.float32]:
     return normals
 
 
-def _scaled(vertices: Floats) -> Floats:
-    """The vertices as [3, n] times the power of two that brings them to about 1: areas neither overflow nor vanish."""
-    size = float(np.abs(vertices).max(initial=0, where=np.isfinite(vertices)))
+def _scaled(scene: Scene) -> Floats:
+    """The vertices as [3, n] times the power of two that brings the faces to about 1: areas neither overflow nor vanish."""
+    size = float(np.abs(scene.bounds).max())
     exponent = max(-1000, min(1000, -math.frexp(size)[1]))
     with np.errstate(all="ignore"):
-        return np.ascontiguousarray(vertices.T) * math.ldexp(1.0, exponent) + 0.0  # + 0.0: -0.0 becomes 0.0
+        return np.ascontiguousarray(scene.vertices.T) * math.ldexp(1.0, exponent) + 0.0  # + 0.0: -0.0 becomes 0.0
 
 
 def _area_normals(points: Floats, faces: NDArray[np.int32]) -> Floats:
@@ -121,15 +121,15 @@ def _distinct(columns: Floats) -> tuple[Indices, Indices]:
 
 
 def _smooth(
-    units: Floats, areas: Floats, places: Indices, crease: float
+    units: Floats, areas: Floats, places: Indices, count: int, crease: float
 ) -> tuple[Floats, NDArray[np.int8], NDArray[np.bool_]]:
-    """The normal of each place as if all were smooth [3, places], the side of it that each corner is on [m, 3], ±1,
-    and whether its place is creased [places].
+    """The normal of each place as if all were smooth [3, count], the side of it that each corner is on [m, 3], ±1,
+    and whether its place is creased [count].
 
-    units, areas: face normals [3, m]; places: of each corner [m, 3]; crease: radians.
+    units, areas: face normals [3, m]; places: of each corner [m, 3]; count: of all places, as vertices that no face
+    uses have places too; crease: radians.
     A place is smooth if its faces lie within half the crease angle of their mean: any two then lie within all of it.
     """
-    count = int(places.max()) + 1
     usable = units.any(axis=0)
     reference = np.zeros((3, count))
     for corner in range(3):

@@ -193,6 +193,23 @@ def test_faces_without_a_normal_do_no_harm() -> None:
     np.testing.assert_allclose(got[: len(box.faces)], np.repeat(face_normals(box)[:, None], 3, axis=1), atol=1e-6)
 
 
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1.0, 1e300, NAN, INF]))
+def test_vertices_that_no_face_uses_change_nothing(seed: int, size: float) -> None:
+    """Not the last ones, nor those between, nor ones so far away that the faces beside them would vanish."""
+    rng = np.random.default_rng(seed)
+    vertices, faces = rng.normal(size=(9, 3)), rng.integers(0, 9, (12, 3))
+    colors = rng.integers(0, 256, (9, 4)).astype(np.uint8)
+    alone = Scene.from_arrays(vertices, faces, vertex_colors=colors)
+    at = np.sort(rng.integers(0, 10, 5))  # an unused vertex is put before these
+    among = Scene.from_arrays(
+        np.insert(vertices, at, rng.normal(size=(5, 3)) * size, axis=0),
+        np.searchsorted(at, np.arange(9), side="right")[faces] + faces,
+        vertex_colors=np.insert(colors, at, 0, axis=0),
+    )
+    want, got = check(alone, with_normals(alone)), check(among, with_normals(among))
+    np.testing.assert_array_equal(got, want)
+
+
 @pytest.mark.parametrize("vertices", [np.zeros((3, 3)), np.full((3, 3), NAN), np.full((3, 3), INF), -np.zeros((3, 3))])
 def test_nothing_but_bad_faces(vertices: np.ndarray) -> None:
     scene = Scene.from_arrays(vertices, [[0, 1, 2]])
