@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import Any, NoReturn
 
+from clpeel.color import parse_color
 from clpeel.errors import InputError
 
 Vector = tuple[float, float, float]
 
 MAX_SIDE = 65536  # pixels
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+
+FOR_EACH = ("opacity", "color")
+"""Options that may be given once for each file."""
 
 EXAMPLES = """\
 examples:
@@ -141,24 +144,20 @@ def _resolution(text: str) -> tuple[int, int]:
 
 def _color(text: str) -> Vector:
     """`R,G,B` in 0..1, `#rrggbb`, or a name such as `steelblue`; floats in 0..1 come back."""
-    known = "expected R,G,B in 0..1, #rrggbb or a colour name"
-    if "," in text and "(" not in text:
-        try:
-            r, g, b = _floats(text)
-        except ValueError:
-            r = -1.0
-        if r < 0 or not all(0 <= value <= 1 for value in (r, g, b)):
-            raise argparse.ArgumentTypeError(f"{known}, got '{text}'")
-        return r, g, b
-    from PIL import ImageColor
-
     try:
-        rgb = ImageColor.getrgb(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{known}, got '{text}'") from None
-    if len(rgb) != 3:
-        raise argparse.ArgumentTypeError(f"{known}, got '{text}' (give the alpha with --opacity)")
-    return rgb[0] / 255, rgb[1] / 255, rgb[2] / 255
+        red, green, blue = parse_color(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return red, green, blue
+
+
+def _surface_color(text: str) -> Vector:
+    """As _color, of what has an opacity too."""
+    try:
+        return _color(text)
+    except argparse.ArgumentTypeError as error:
+        hint = "; give it with --opacity" if "alpha" in str(error) else ""
+        raise argparse.ArgumentTypeError(f"{error}{hint}") from None
 
 
 def _count(text: str) -> int:
@@ -202,13 +201,28 @@ class _Help(argparse.HelpFormatter):
         return "".join(indent + line for line in text.splitlines(keepends=True))
 
 
+class _Once(argparse.Action):
+    """Stores a value. Another one for the same option is refused: of two, one would be dropped without a word."""
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, *_: Any) -> None:
+        given = vars(namespace).setdefault("given", {})
+        if given.setdefault(self.dest, values) != values:
+            raise argparse.ArgumentError(self, "expected once, got two that differ")
+        setattr(namespace, self.dest, values)
+
+
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line."""
+    """An argument parser whose errors are InputErrors of one line."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(formatter_class=_Help, allow_abbrev=False, **options)
+        self.register("action", None, _Once)
         self.known: set[str] = set()  # the options of all commands
         self.valued: dict[str, str] = {}  # the long name of each that takes a value
+        self.commands: dict[str, Parser] = {}
+
+    def print_help(self, file: Any = None) -> None:
+        print(self.format_help(), end="", file=file)  # argparse's own says nothing where that fails
 
     def error(self, message: str) -> NoReturn:
         wrong = re.match(r"argument (?:COMMAND|command): invalid choice: '([^']*)'", message)
@@ -218,7 +232,7 @@ class Parser(argparse.ArgumentParser):
             if "." in wrong[1]:
                 message += f"; to make a picture of a file: clpeel render {wrong[1]}"
         message = re.sub(r"^argument (--[\w-]+)(?:/-\w)?", r"\1", message)
-        unknown = re.match(r"unrecognized arguments: (--[\w-]+)", message)
+        unknown = re.match(r"unrecognized arguments: (-[\w-]+)", message)
         if unknown:
             import difflib
 
@@ -226,8 +240,7 @@ class Parser(argparse.ArgumentParser):
             message = f"unknown option {unknown[1]}" + (f"; did you mean {close[0]}?" if close else "")
             if unknown[1] in self.known:
                 message = f"this command has no option {unknown[1]}"
-        print(f"clpeel: error: {message} (see {self.prog} --help)", file=sys.stderr)
-        raise SystemExit(InputError.exit_code)
+        raise InputError(f"{message} (see {self.prog} --help)")
 
 
 class _Version(argparse.Action):
@@ -238,6 +251,14 @@ class _Version(argparse.Action):
 
         print(f"clpeel {version('clpeel')}")
         parser.exit()
+
+
+def _add_files(parser: argparse.ArgumentParser, done: str) -> None:
+    """What all commands that read files read."""
+    group = parser.add_argument_group("files")
+    group.add_argument("files", nargs="+", metavar="FILE", help=f"mesh file; several are {done} together")
+    text = "leave out faces whose corners are those of an earlier face"
+    group.add_argument("--drop-duplicates", action="store_true", help=text)
 
 
 def _add_output(group: argparse._ArgumentGroup, output: str, metavar: str, text: str) -> None:
@@ -295,8 +316,9 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
         metavar="COLOR",
         help="R,G,B in 0..1, #rrggbb or a name (default: white)",
     )
-    add("--opacity", type=_opacity, metavar="0..1", help="opacity of every surface, in place of the file's")
-    add("--color", type=_color, metavar="COLOR", help="colour of every surface, in place of the file's")
+    text = "{} of every surface, in place of the file's; once for all files, or once for each, in order"
+    add("--opacity", action="append", type=_opacity, metavar="0..1", help=text.format("opacity"))
+    add("--color", action="append", type=_surface_color, metavar="COLOR", help=text.format("colour"))
     add("--unlit", action="store_true", help="the colours as given (default: a light at the camera)")
 
 
@@ -312,7 +334,7 @@ def _add_camera_options(parser: argparse.ArgumentParser) -> None:
         "--camera-direction",
         type=_direction,
         metavar="X,Y,Z",
-        help="where it looks, also as an axis: +X, -Z (default: -Z)",
+        help="where it looks, also as an axis: +X, -Z (default: -Z; a flat scene at its face)",
     )
     add("--camera-azimuth-angle", type=_number, default=0.0, metavar="DEGREES", help="then turn about the up axis")
     add("--camera-elevation-angle", type=_number, default=0.0, metavar="DEGREES", help="then rise")
@@ -475,7 +497,7 @@ def make_parser() -> Parser:
         description="Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one PNG.",
         epilog=EXAMPLES,
     )
-    render.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are drawn together")
+    _add_files(render, "drawn")
     _add_picture_options(render, output="clpeel.png", resolution="1024,1024", samples=1)
 
     layers = commands.add_parser(
@@ -484,7 +506,7 @@ def make_parser() -> Parser:
         usage="clpeel layers FILE... [-o DIR] [options]",
         description=LAYERS,
     )
-    layers.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are peeled together")
+    _add_files(layers, "peeled")
     _add_layers_options(layers)
 
     complexity = commands.add_parser(
@@ -493,7 +515,7 @@ def make_parser() -> Parser:
         usage="clpeel complexity FILE... [-o OUT.png] [options]",
         description=COMPLEXITY,
     )
-    complexity.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are counted together")
+    _add_files(complexity, "counted")
     _add_complexity_options(complexity)
 
     compare = commands.add_parser(
@@ -502,7 +524,7 @@ def make_parser() -> Parser:
         usage="clpeel compare FILE... [--html FILE] [options]",
         description=COMPARE,
     )
-    compare.add_argument("files", nargs="+", metavar="FILE", help="mesh file; several are drawn together")
+    _add_files(compare, "drawn")
     _add_compare_options(compare)
 
     demo = commands.add_parser(
@@ -525,7 +547,28 @@ def make_parser() -> Parser:
         parser.known.update(action.option_strings)
         if action.nargs is None:
             parser.valued.update(dict.fromkeys(action.option_strings, action.option_strings[0]))
+    parser.commands = commands.choices
+    for command in parser.commands.values():
+        command.known = parser.known
     return parser
+
+
+def parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """The options that the arguments give. Raises SystemExit after --help and --version, InputError where they err."""
+    parser = make_parser()
+    options, unknown = parser.parse_known_args(tidy(arguments, parser.known, parser.valued))
+    if options.command is None and not unknown:
+        parser.print_help()
+        parser.exit()
+    command = parser.commands.get(options.command, parser)  # whose help errors name
+    if unknown:
+        command.error(f"unrecognized arguments: {' '.join(unknown)}")
+    for name in FOR_EACH:
+        given, files = len(getattr(options, name, None) or ()), len(getattr(options, "files", ()))
+        if given > 1 and given != files:
+            wanted = f"once for all files, or once for each of the {files}" if files > 1 else "once"
+            command.error(f"--{name}: expected {wanted}, got {given} of them")
+    return options
 
 
 def tidy(arguments: Sequence[str], known: Container[str], valued: Mapping[str, str]) -> list[str]:

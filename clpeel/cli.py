@@ -6,14 +6,21 @@ NumPy, OpenCL and trimesh are imported only inside the commands that need them.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
+import io
 import os
+import re
+import signal
 import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TextIO
 
-from clpeel.arguments import AXES, Vector, make_parser, tidy
+from clpeel.arguments import AXES, Vector, parse
 from clpeel.errors import ClpeelError, InputError
+from clpeel.files import checked_file, checked_folder, whole_folder, write_whole
 from clpeel.terminal import Progress, format_stats
 
 if TYPE_CHECKING:
@@ -21,11 +28,50 @@ if TYPE_CHECKING:
     from clpeel.layers import Layers
     from clpeel.scene import Scene
 
-EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 1, 130, 141
+EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE, EXIT_TERMINATED = 1, 130, 141, 143
+
+LAYER_FILES = r"layer-\d+\.png|layers\.npz"
+"""What `clpeel layers` writes into its folder, and replaces there."""
+
+
+# --- what is said -----------------------------------------------------------------------------------------------------
+
+
+def _print(text: str, aside: bool = False) -> None:
+    """To standard output; aside, as a picture goes there, to standard error. Raises OSError where the former fails."""
+    if not aside:
+        with _standard_output():
+            print(text, flush=True)
+        return
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:  # there is nowhere left to say so
+        _silence(sys.stderr)
 
 
 def _say(text: str) -> None:
-    print(f"clpeel: {text}", file=sys.stderr)
+    _print(f"clpeel: {text}", aside=True)
+
+
+@contextlib.contextmanager
+def _standard_output() -> Iterator[None]:
+    """Where standard output cannot be written, the OSError says so."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _silence(sys.stdout)
+        reason = "it is closed" if error.errno == errno.EBADF else error.strerror
+        raise OSError(error.errno, f"cannot write to standard output: {reason}") from None
+
+
+def _silence(stream: TextIO) -> None:
+    """Nothing reads the stream any more: let the interpreter's last flush go nowhere."""
+    with contextlib.suppress(io.UnsupportedOperation):  # what stands in for a stream need not be a file
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 def _quiet_libraries() -> None:
@@ -36,17 +82,6 @@ def _quiet_libraries() -> None:
 
 
 # --- the camera -------------------------------------------------------------------------------------------------------
-
-
-def _front(up: Vector) -> Vector:
-    """Where a camera looks by default, f3d's rule: along -Z when up is +Y, along +Y when up is +Z."""
-    x, y, z = up
-    right = (1.0, 0.0, 0.0) if abs(x) < max(abs(y), abs(z)) else (0.0, -1.0 if x > 0 else 1.0, 0.0)
-    return (
-        up[1] * right[2] - up[2] * right[1],
-        up[2] * right[0] - up[0] * right[2],
-        up[0] * right[1] - up[1] * right[0],
-    )
 
 
 def _view_up(options: argparse.Namespace, view: Sequence[float]) -> Vector:
@@ -80,15 +115,17 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
             orthographic=orthographic,
         )
     else:
-        view = options.camera_direction or _front(options.up or AXES["Y"])
+        direction = options.camera_direction
         camera = Camera.frame(
             scene,
-            view,
-            _view_up(options, view),
+            direction,
+            _view_up(options, direction) if direction else options.up or AXES["Y"],
             options.camera_view_angle,
             aspect=width / height,
             orthographic=orthographic,
         )
+        if options.camera_view_up:
+            camera = replace(camera, view_up=options.camera_view_up)
         if options.camera_focal_point:
             x, y, z = (
                 float(point + at - to)
@@ -109,52 +146,47 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
 # --- render, layers and demo ------------------------------------------------------------------------------------------
 
 
-def _no_such_name(path: str, target: str) -> str:
-    """Why nothing could have that name, or ''."""
-    try:
-        os.lstat(target)
-    except FileNotFoundError:
-        pass
-    except OSError as error:
-        return f"cannot write '{path}': {error.strerror}"
-    return ""
+def check_writable(path: str, option: str, suffix: str = "") -> str:
+    """As checked_file; `-` is standard output. Raises OSError where that is closed."""
+    if path != "-":
+        return checked_file(path, option, suffix)
+    _check_standard_output()
+    return path
 
 
-def check_writable(path: str, option: str) -> str:
-    """The file to write, links resolved; refuses, before any work, one that could not be. `-` is standard output.
+def _check_standard_output() -> None:
+    """Raises OSError where it is closed."""
+    with _standard_output(), contextlib.suppress(io.UnsupportedOperation):  # what stands in for it need not be a file
+        os.write(sys.stdout.fileno(), b"")
 
-    Raises InputError.
+
+def _check_apart(outputs: Mapping[str, str | None], files: Sequence[str]) -> None:
+    """Refuses, before any work, an output that would replace an input or another output. Raises InputError.
+
+    outputs: by what errors call them; None where there is none.
     """
-    if path == "-" or (os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)):
-        return path  # a pipe or a device
-    target = os.path.realpath(path)
-    folder = os.path.dirname(target)
-    problem = ""
-    if not path:
-        problem = "expected a file name, got ''"
-    elif os.path.isdir(target):
-        problem = f"expected a file, got the folder '{path}'"
-    elif not os.path.isdir(folder):
-        problem = f"the folder '{folder}' does not exist; create it first"
-    elif os.path.isfile(target) and not os.access(target, os.W_OK):
-        problem = f"'{path}' is read-only"
-    elif not os.access(folder, os.W_OK | os.X_OK):
-        problem = f"the folder '{folder}' is not writable"
-    else:
-        problem = _no_such_name(path, target)
-    if problem:
-        raise InputError(f"{option}: {problem}")
-    return target
+    taken = {_identity(path): f"the input '{path}'" for path in files}
+    for option, path in outputs.items():
+        if path in (None, "-") or (os.path.exists(path) and not os.path.isfile(path)):
+            continue
+        other = taken.setdefault(_identity(path), option)
+        if other != option:
+            raise InputError(f"{option}: expected a file of its own, got '{path}', which is that of {other}")
+
+
+def _identity(path: str) -> tuple[object, ...]:
+    """The same for all names of a file."""
+    with contextlib.suppress(OSError):
+        found = os.stat(path)
+        return found.st_dev, found.st_ino
+    return (os.path.realpath(path),)
 
 
 def _check_picture(path: str) -> str:
     """As check_writable, for the picture."""
-    suffix = os.path.splitext(path)[1]
-    if suffix and suffix.lower() != ".png":
-        raise InputError(f"--output: only PNG is written; expected a name ending in .png, got '{path}'")
     if path == "-" and sys.stdout.isatty():
         raise InputError("--output: will not write a PNG to a terminal; name a file, or send it on: -o - > out.png")
-    return check_writable(path, "--output")
+    return check_writable(path, "--output", ".png")
 
 
 def _check_map(path: str, maps: Sequence[str]) -> str:
@@ -173,44 +205,20 @@ def _check_map(path: str, maps: Sequence[str]) -> str:
 def _write(path: str, data: bytes) -> None:
     """To standard output, or to a file, whole or not at all."""
     if path == "-":
-        sys.stdout.buffer.write(data)
-        sys.stdout.buffer.flush()
-        return
-    from clpeel.image import write_whole
-
-    write_whole(path, data)
-
-
-def _check_folder(path: str) -> str:
-    """The folder to write into, links resolved; refuses, before any work, one that could not be. Raises InputError."""
-    target = os.path.realpath(path)
-    parent = os.path.dirname(target)
-    problem = ""
-    if path in ("", "-"):
-        problem = f"expected a folder, got '{path}'"
-    elif os.path.exists(target) and not os.path.isdir(target):
-        problem = f"expected a folder, got the file '{path}'"
-    elif os.path.isdir(target):
-        if not os.access(target, os.W_OK | os.X_OK):
-            problem = f"the folder '{path}' is not writable"
-    elif not os.path.isdir(parent):
-        problem = f"the folder '{parent}' does not exist; create it first"
-    elif not os.access(parent, os.W_OK | os.X_OK):
-        problem = f"the folder '{parent}' is not writable"
+        with _standard_output():
+            sys.stdout.buffer.write(data)
+            sys.stdout.buffer.flush()
     else:
-        problem = _no_such_name(path, target)
-    if problem:
-        raise InputError(f"--output: {problem}")
-    return target
+        write_whole(path, data)
 
 
 def _write_layers(folder: str, layers: Layers, options: argparse.Namespace, progress: Progress) -> str:
     """A picture for each layer and a file of all: all of them or none. Returns what was written."""
-    from clpeel.image import save_png, whole_folder
+    from clpeel.image import save_png
 
     background = None if options.no_background else options.background_color
     digits = max(2, len(str(layers.count)))
-    with whole_folder(folder, r"layer-\d+\.png") as whole:
+    with whole_folder(folder, LAYER_FILES) as whole:
         for k in range(layers.count):
             progress(k / layers.count, f"writing layer {k + 1} of {layers.count}")
             save_png(whole / f"layer-{k + 1:0{digits}}.png", layers.picture(k, background, options.keep_alpha))
@@ -226,9 +234,20 @@ def _load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
     def load() -> Scene:
         import clpeel
 
-        return clpeel.load(*options.files, opacity=options.opacity, color=options.color)
+        extra = {"drop_duplicates": True} if options.drop_duplicates else {}
+        opacities, colors = options.opacity or [None], options.color or [None]
+        if len(opacities) == len(colors) == 1:
+            return clpeel.load(*options.files, opacity=opacities[0], color=colors[0], **extra)
+        count = len(options.files)
+        each = zip(options.files, _for_each(opacities, count), _for_each(colors, count), strict=True)
+        return clpeel.load(*(clpeel.load(file, opacity=opacity, color=color) for file, opacity, color in each), **extra)
 
     return load, ", ".join(os.path.basename(name) for name in options.files)
+
+
+def _for_each(given: list[Any], count: int) -> list[Any]:
+    """What was given once for all files, for each; what was given for each as it is."""
+    return given * count if len(given) == 1 else given
 
 
 def _run_render(options: argparse.Namespace) -> int:
@@ -248,7 +267,8 @@ def _run_demo(options: argparse.Namespace) -> int:
             return scene
         import clpeel
 
-        return clpeel.load(scene, opacity=options.opacity, color=options.color)
+        (opacity,), (color,) = options.opacity or [None], options.color or [None]
+        return clpeel.load(scene, opacity=opacity, color=color)
 
     from clpeel.demo import DIRECTION, ZOOM
 
@@ -265,8 +285,12 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
     """
     if not options.verbose:
         _quiet_libraries()
-    output = _check_folder(options.output) if layers else _check_picture(options.output)
-    stats_output = None if options.stats in (None, "-") else check_writable(options.stats, "--stats")
+    if layers and options.output == "-":
+        raise InputError("--output: expected a folder, got '-'")
+    output = checked_folder(options.output, "--output") if layers else _check_picture(options.output)
+    stats_output = None if options.stats is None else check_writable(options.stats, "--stats")
+    if options.explain:
+        _check_standard_output()
 
     import clpeel
     from clpeel.device import choose
@@ -279,6 +303,11 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         raise InputError(f"--explain: expected --technique auto, whose choice it explains, got '{options.technique}'")
     maps = () if options.technique == AUTO else technique(options.technique).maps
     map_output = None if options.map is None else _check_map(options.map, maps)
+    outputs = {"--output": output, "--stats": stats_output, "--map": map_output}
+    if layers and stats_output and os.path.dirname(stats_output) == output:
+        if re.fullmatch(LAYER_FILES, os.path.basename(stats_output)):
+            raise InputError(f"--stats: expected a file of its own, got '{options.stats}', which is that of a layer")
+    _check_apart(outputs, getattr(options, "files", ()))
     check_layers(options.technique, layers, options.samples)
     if options.memory is not None:
         parse_memory(options.memory)
@@ -293,8 +322,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         progress.clear()
     loaded = time.perf_counter()
     if not options.quiet:
-        for note in scene.notes:
-            _say(f"note: {note}")
+        _say_notes(scene.notes)
         if layers and scene.surfaces == "opaque" and options.opaque in (None, "first"):
             _say(
                 "note: all is opaque, so there is one layer; --opacity 0.5 or --opaque blend peels what lies behind it"
@@ -357,25 +385,30 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
 
     seconds = {"load": loaded - started, **result.stats["seconds"], "save": written - rendered}
     stats = {**result.stats, "seconds": seconds}
-    _warn(options, stats)
+    if not options.quiet:
+        _say_notes(note for note in stats.get("notes", ()) if note not in scene.notes)
+        _warn(options, stats)
     if options.explain:
-        print("\n".join(stats["auto"]["explanation"]), file=sys.stderr if options.output == "-" else sys.stdout)
-    if stats_output is not None:
+        _print("\n".join(stats["auto"]["explanation"]), aside=output == "-")
+    if stats_output == "-":
+        _print(format_stats(stats), aside=output == "-")
+    elif stats_output is not None:
         import json
 
         _write(stats_output, (json.dumps(stats, indent=2, default=_plain) + "\n").encode())
-    elif options.stats is not None:
-        print(format_stats(stats), file=sys.stderr if options.output == "-" else sys.stdout)
-    if not options.quiet and options.output != "-":
+    if not options.quiet and output != "-":
         width, height = options.resolution
         _say(f"wrote {wrote} ({width} x {height}, {len(scene.faces):,} triangles, {written - started:.2f} s)")
     return 0
 
 
+def _say_notes(notes: Iterable[str]) -> None:
+    for note in notes:
+        _say(f"note: {note}")
+
+
 def _warn(options: argparse.Namespace, stats: dict[str, Any]) -> None:
     """Say what the picture could not show."""
-    if options.quiet:
-        return
     if stats.get("discarded"):
         _say(f"note: {stats['discarded']:,} triangles with NaN or infinite vertices were left out")
     if stats.get("unpaired_pixels"):
@@ -407,8 +440,9 @@ def _run_compare(options: argparse.Namespace) -> int:
     if list(files.values()).count("-") > 1:
         raise InputError("-: expected one of --json, --csv and --html on standard output, got several")
     files = {name: check_writable(path, f"--{name}") for name, path in files.items()}
-    if len(set(files.values())) < len(files):
-        raise InputError("--json, --csv, --html: expected files of their own, got the same twice")
+    _check_apart({f"--{name}": path for name, path in files.items()}, options.files)
+    if "-" not in files.values() and not (options.quiet and files):
+        _check_standard_output()  # for the table
 
     import clpeel
     from clpeel.comparison import check_choice
@@ -428,8 +462,7 @@ def _run_compare(options: argparse.Namespace) -> int:
         scene = load()
         progress.clear()
         if not options.quiet:
-            for note in scene.notes:
-                _say(f"note: {note}")
+            _say_notes(scene.notes)
         progress(0.0, "comparing")
         comparison = clpeel.compare(
             scene,
@@ -453,7 +486,7 @@ def _run_compare(options: argparse.Namespace) -> int:
     finally:
         progress.clear()
     if not options.quiet or not files:
-        print(comparison.table(), file=sys.stderr if "-" in files.values() else sys.stdout, flush=True)
+        _print(comparison.table(), aside="-" in files.values())
     for kind, path in files.items():
         text = comparison.to_html(name) if kind == "html" else getattr(comparison, f"to_{kind}")()
         _write(path, text.encode())
@@ -473,8 +506,11 @@ def _run_complexity(options: argparse.Namespace) -> int:
         _quiet_libraries()
     output = _check_picture(options.output)
     figures_output = None if options.json is None else check_writable(options.json, "--json")
-    if options.json == "-" or (figures_output is not None and figures_output == output):
-        raise InputError(f"--json: expected a file of its own, got '{options.json}'")
+    if figures_output == "-":
+        raise InputError("--json: expected a file of its own, got '-'")
+    _check_apart({"--output": output, "--json": figures_output}, options.files)
+    if output != "-" and not options.quiet:
+        _check_standard_output()  # for the figures
     if options.opaque not in ("first", "blend"):
         raise InputError(f"--opaque: expected first or blend, got '{options.opaque}'")
 
@@ -516,10 +552,9 @@ def _run_complexity(options: argparse.Namespace) -> int:
     finally:
         progress.clear()
     if not options.quiet:
-        for note in scene.notes:
-            _say(f"note: {note}")
-        print(format_complexity(found.figures()), file=sys.stderr if options.output == "-" else sys.stdout)
-        if options.output != "-":
+        _say_notes(scene.notes)
+        _print(format_complexity(found.figures()), aside=output == "-")
+        if output != "-":
             width, height = options.resolution
             _say(f"wrote {options.output} ({width} x {height}, {len(scene.faces):,} triangles)")
     return 0
@@ -533,14 +568,14 @@ def _run_devices(options: argparse.Namespace) -> int:
         _quiet_libraries()
     from clpeel.report import device_table
 
-    print("\n".join(device_table()))
+    _print("\n".join(device_table()))
     return 0
 
 
 def _run_techniques(options: argparse.Namespace) -> int:
     from clpeel.report import technique_table
 
-    print("\n".join(technique_table()))
+    _print("\n".join(technique_table()))
     return 0
 
 
@@ -549,7 +584,7 @@ def _run_report(options: argparse.Namespace) -> int:
         _quiet_libraries()
     from clpeel.report import report
 
-    print("\n".join(report()))
+    _print("\n".join(report()))
     return 0
 
 
@@ -594,36 +629,74 @@ def _explain(error: Exception) -> tuple[str, int]:
     )
 
 
-def _silence_stdout() -> None:
-    """Nobody reads standard output any more: let the interpreter's last flush go nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+class _Terminated(BaseException):
+    """SIGTERM: the command ends as after Ctrl-C, so that nothing half written stays."""
+
+
+@contextlib.contextmanager
+def _orderly_end() -> Iterator[None]:
+    """Within it SIGTERM raises _Terminated, where nobody else has seen to that signal."""
+
+    def end(*_: object) -> None:
+        raise _Terminated
+
+    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    if ours:
+        signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _fill_standard_streams() -> None:
+    """Opens what is closed of standard input, output and error, lest a file that is written becomes one of them.
+
+    Writing to standard output then fails, as it must; errors are told to nobody.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # the least that is free, which is this one
+    if sys.stdout is None:
+        sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w")
+    if sys.stderr is None:
+        sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
 
 
 def _run(arguments: Sequence[str]) -> int:
-    parser = make_parser()
     try:
-        options = parser.parse_args(tidy(arguments, parser.known, parser.valued))
-    except SystemExit as end:  # after --help, --version and errors
+        with _standard_output():
+            options = parse(arguments)
+    except SystemExit as end:  # after --help and --version
         return int(end.code or 0)
-    if options.command is None:
-        parser.print_help()
-        return 0
     return COMMANDS[options.command](options)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code: 0 done, 1 failed, 2 bad input, 3 no device, 130 interrupted."""
+    """Run the command line and return its exit code.
+
+    0 done, 1 failed, 2 bad input, 3 no device, 130 interrupted, 141 nobody reads standard output, 143 terminated.
+    """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    _fill_standard_streams()
     try:
-        code = _run(arguments)
-        sys.stdout.flush()
-        return code
+        with _orderly_end():
+            code = _run(arguments)
+            with _standard_output():
+                sys.stdout.flush()
+            return code
     except BrokenPipeError:
-        _silence_stdout()
+        _silence(sys.stdout)
         return EXIT_BROKEN_PIPE
     except KeyboardInterrupt:
         _say("interrupted")
         return EXIT_INTERRUPTED
+    except _Terminated:
+        _say("terminated")
+        return EXIT_TERMINATED
     except Exception as error:
         if "--verbose" in arguments:
             import traceback

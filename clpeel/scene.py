@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from clpeel.color import parse_color
 from clpeel.errors import InputError
 
 DEFAULT_COLOR = (120, 150, 190, 255)
@@ -79,7 +80,8 @@ class Scene:
         """A scene from arrays, all of them checked.
 
         vertices [n, 3] numbers; faces [m, 3] integers 0..n-1, m >= 1; at most one of face_colors [m, 3|4],
-        vertex_colors [n, 3|4] and color [3|4]: integers are 0..255, floats 0..1, and without alpha they are opaque.
+        vertex_colors [n, 3|4] and color [3|4]: integers are 0..255, floats 0..1, and without alpha they are opaque;
+        color may be text too, such as "steelblue" or "#rrggbbaa".
         vertex_normals [n, 3] of any length; opacity 0..1 replaces every alpha.
 
         Raises InputError, which names the argument, what was expected and what came.
@@ -263,9 +265,25 @@ def _normals(value: ArrayLike, count: int) -> NDArray[np.float32]:
         return np.ascontiguousarray(array, dtype=np.float32)
 
 
+def checked_color(name: str, value: ArrayLike) -> Colors:
+    """value, numbers or text such as "red" or "#rrggbbaa", uint8 or float32 [3], or [4] with alpha, or InputError."""
+    numbers = _written(name, value, alpha=True)
+    return checked_colors(name, numbers, ())[: np.shape(numbers)[0]]
+
+
+def _written(name: str, value: Any, alpha: bool = False) -> Any:
+    """A colour that is text as numbers 0..1, or InputError; anything else as it is."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return parse_color(value, alpha)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
 def checked_colors(name: str, value: ArrayLike, rows: tuple[int, ...]) -> Colors:
-    """value as uint8 or float32 [*rows, 4], or InputError."""
-    array = _array(name, value)
+    """value as uint8 or float32 [*rows, 4], or InputError; a single colour may be text."""
+    array = _array(name, value if rows else _written(name, value, alpha=True))
     if array.shape not in ((*rows, 3), (*rows, 4)) or array.dtype.kind not in "fiu":
         shape = ", ".join(map(str, (*rows, "3 or 4")))
         raise InputError(f"{name}: expected [{shape}] integers 0..255 or floats 0..1, got {_described(array)}")
@@ -284,9 +302,10 @@ def checked_colors(name: str, value: ArrayLike, rows: tuple[int, ...]) -> Colors
 
 
 def checked_rgb(name: str, value: Any, or_none: str = "") -> tuple[float, float, float]:
-    """value as three numbers 0..1, or InputError. or_none: what else may be given, for the message."""
+    """value, numbers or text such as "red", as three numbers 0..1, or InputError. or_none: what else it may be."""
+    numbers = _written(name, value)
     try:
-        red, green, blue = (float(part) for part in value)
+        red, green, blue = (float(part) for part in numbers)
     except (TypeError, ValueError):
         raise InputError(f"{name}: expected 3 numbers 0..1{or_none}, got {value!r}") from None
     if not all(0 <= part <= 1 for part in (red, green, blue)):
@@ -294,8 +313,8 @@ def checked_rgb(name: str, value: Any, or_none: str = "") -> tuple[float, float,
     return red, green, blue
 
 
-def checked_background(background: Sequence[float] | None) -> tuple[float, float, float] | None:
-    """Three numbers 0..1 or None, or InputError."""
+def checked_background(background: Sequence[float] | str | None) -> tuple[float, float, float] | None:
+    """Three numbers 0..1, of text such as "white" too, or None; or InputError."""
     return None if background is None else checked_rgb("background", background, " or None")
 
 
@@ -350,5 +369,5 @@ def _array(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def _described(array: NDArray[Any]) -> str:
-    """An array's shape and type, for an error message."""
-    return f"{list(array.shape)} {array.dtype}"
+    """An array's shape and type, or the text that it is, for an error message."""
+    return repr(str(array)) if array.shape == () and array.dtype.kind == "U" else f"{list(array.shape)} {array.dtype}"

@@ -6,9 +6,11 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
@@ -44,8 +46,7 @@ TETRAHEDRON = """OFF
 
 def parse(*arguments: str) -> Any:
     """The options of a render of a.ply."""
-    parser = command_line.make_parser()
-    return parser.parse_args(command_line.tidy(["render", "a.ply", *arguments], parser.known, parser.valued))
+    return command_line.parse(["render", "a.ply", *arguments])
 
 
 def run(*arguments: str, **options: Any) -> subprocess.CompletedProcess[bytes]:
@@ -64,7 +65,7 @@ def mesh(tmp_path: Path) -> Path:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """A renderer that notes what it is asked for; `outcome` may be an exception to raise."""
-    record = SimpleNamespace(calls=[], outcome=None)
+    record = SimpleNamespace(calls=[], outcome=None, layers=None)
 
     def render(scene: Any, camera: Any, **options: Any) -> Any:
         record.calls.append(SimpleNamespace(scene=scene, camera=camera, **options))
@@ -83,7 +84,8 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
             "bytes": {"fragments": 4096},
             "device": "a device",
         }
-        return SimpleNamespace(image=image, stats=stats, map=lambda name: np.zeros((height, width), np.float32))
+        numbers = np.zeros((height, width), np.float32)
+        return SimpleNamespace(image=image, stats=stats, map=lambda name: numbers, layers=record.layers)
 
     monkeypatch.setattr(clpeel, "render", render)
     return record
@@ -117,11 +119,11 @@ def test_answers_without_heavy_imports(arguments: list[str]) -> None:
 def test_help_is_ascii_and_names_every_option() -> None:
     text = run("render", "--help").stdout.decode("ascii")
     for option in (
-        "--output -o --resolution --opacity --color --background-color --no-background --unlit --camera-position "
-        "--camera-focal-point --camera-view-up --camera-view-angle --camera-direction --camera-azimuth-angle "
-        "--camera-elevation-angle --camera-zoom-factor --camera-orthographic --up --clipping-range --technique "
-        "--passes --no-occlusion-query --coincident --precision --layers --memory --device --lanes --samples --variant "
-        "--projected --thickness-range --no-scale-bar --map --sigma --light-color "
+        "--output -o --drop-duplicates --resolution --opacity --color --background-color --no-background --unlit "
+        "--camera-position --camera-focal-point --camera-view-up --camera-view-angle --camera-direction "
+        "--camera-azimuth-angle --camera-elevation-angle --camera-zoom-factor --camera-orthographic --up "
+        "--clipping-range --technique --passes --no-occlusion-query --coincident --precision --layers --memory "
+        "--device --lanes --samples --variant --projected --thickness-range --no-scale-bar --map --sigma --light-color "
         "--stats[=FILE.json] --verbose --quiet --no-progress"
     ).split():
         assert option in text
@@ -165,9 +167,9 @@ def test_runs_against_the_installed_package() -> None:
         ("--camera-zoom-factor", "1.5", 1.5),
         ("--clipping-range", "0.1,10", (0.1, 10)),
         ("--clipping-range", "-1,10", (-1, 10)),
-        ("--opacity", "0.6", 0.6),
-        ("--color", "1,0.5,0", (1, 0.5, 0)),
-        ("--color", "#ff0000", (1, 0, 0)),
+        ("--opacity", "0.6", [0.6]),
+        ("--color", "1,0.5,0", [(1, 0.5, 0)]),
+        ("--color", "#ff0000", [(1, 0, 0)]),
         ("--background-color", "white", (1, 1, 1)),
         ("--technique", "sort", "sort"),
         ("--memory", "512M", "512M"),
@@ -245,8 +247,14 @@ def test_any_vector_passes_unharmed(vector: tuple[float, float, float]) -> None:
         (["a.ply", "--samples", "-4"], "1 or more"),
         (["a.ply", "--up"], "expected one argument"),
         (["a.ply", "--technique", "-o", "x.png"], "expected one argument"),
-        (["a.ply", "--opcity", "1"], "did you mean --opacity?"),
-        (["a.ply", "--no-such-thing-at-all"], "unknown option"),
+        (["a.ply", "--opcity", "1"], "did you mean --opacity? (see clpeel render --help)"),
+        (["a.ply", "--no-such-thing-at-all"], "unknown option --no-such-thing-at-all (see clpeel render --help)"),
+        (["a.ply", "-q"], "unknown option -q (see clpeel render --help)"),
+        (["a.ply", "--opacity=.4", "--opacity=.8"], "--opacity: expected once, got 2 of them"),
+        (["a.ply", "b.ply", "c.ply", *["--color=red"] * 2], "expected once for all files, or once for each of the 3"),
+        (["a.ply", "--samples=1", "--samples=4"], "--samples: expected once, got two that differ"),
+        (["a.ply", "-o", "x.png", "--output=y.png"], "--output: expected once, got two that differ"),
+        (["a.ply", "--color", "stealblue"], "did you mean steelblue?"),
         (["a.ply", "-o", "x.jpg"], "ending in .png"),
         (["a.ply", "-o", ""], "expected a file name"),
         (["a.ply", "-o", "/no/such/folder/x.png"], "does not exist"),
@@ -276,6 +284,18 @@ def test_a_wrong_command_is_one_line(arguments: list[str], capfd: Any) -> None:
     err = capfd.readouterr().err
     assert err.count("\n") == 1
     assert ("clpeel render part.stl" in err) == (arguments == ["part.stl"])
+
+
+def test_one_opacity_for_all_files_or_one_for_each() -> None:
+    assert parse().opacity is None and parse().color is None
+    for between in (["b.ply", "--opacity=.4", "--opacity=.8"], ["--opacity=.4", "b.ply", "--opacity", "0.8"]):
+        options = parse(*between, "--color=red")
+        assert (options.files, options.opacity, options.color) == (["a.ply", "b.ply"], [0.4, 0.8], [(1, 0, 0)])
+
+
+def test_an_option_may_be_repeated_with_the_same_value() -> None:
+    options = parse("--samples=4", "--samples", "4", "--unlit", "--unlit")
+    assert (options.samples, options.unlit) == (4, True)
 
 
 # --- the camera -------------------------------------------------------------------------------------------------------
@@ -329,6 +349,20 @@ def test_azimuth_elevation_and_zoom_come_last(box: Any) -> None:
     assert camera == clpeel.Camera.frame(box, aspect=2.0).azimuth(20).elevation(-10).zoom(2)
 
 
+def test_a_flat_scene_is_looked_at_unless_a_direction_was_given() -> None:
+    floor = clpeel.Scene.from_arrays([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]], [[0, 1, 2], [0, 2, 3]])
+
+    def seen(*given: str) -> Any:
+        camera = cli.make_camera(parse(*given), floor)
+        return camera.axes()[1:].round(9).tolist()
+
+    assert seen() == seen("--camera-focal-point=0,0,0") == [[0, 0, -1], [0, -1, 0]]
+    assert seen("--up=+Z") == [[0, 0, 1], [0, 1, 0]]
+    assert seen("--up=-Y") == [[0, 0, 1], [0, 1, 0]]
+    assert seen("--camera-view-up=+X") == [[1, 0, 0], [0, -1, 0]]
+    assert seen("--camera-direction=-Z") == seen("--camera-position=0.5,0,9") == [[0, 1, 0], [0, 0, -1]]
+
+
 def test_orthographic_angle_and_clipping_range(box: Any) -> None:
     camera = cli.make_camera(parse("--camera-orthographic", "--camera-view-angle=45", "--clipping-range=-1,9"), box)
     assert (camera.orthographic, camera.view_angle, camera.clipping_range) == (True, 45, (-1, 9))
@@ -341,6 +375,8 @@ def test_orthographic_angle_and_clipping_range(box: Any) -> None:
         ["--clipping-range=1,1"],
         ["--camera-view-angle=180"],
         ["--camera-view-angle=0"],
+        ["--camera-view-angle=0.5235987755982988"],
+        ["--camera-azimuth-angle=-1.5707963267948966"],
         ["--camera-position=1,1,1", "--camera-focal-point=1,1,1"],
         ["--camera-position=0,5,0", "--camera-focal-point=0,0,0", "--camera-view-up=0,1,0"],
     ],
@@ -421,6 +457,83 @@ def test_png_alone_on_standard_output(mesh: Path, tmp_path: Path, to: str) -> No
         assert done.stdout.endswith(b"IEND\xaeB`\x82")
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--stats={mesh}"],
+        ["--stats={folder}/../{name}/tetrahedron.off"],
+        ["--stats={folder}/out.png"],
+        ["--technique=thickness", "--map={folder}/a.npy", "--stats={folder}/a.npy"],
+        ["--technique=thickness", "--map={folder}/link.npy"],
+    ],
+)
+def test_no_output_is_an_input_or_another_output(
+    options: list[str], mesh: Path, fake: Any, tmp_path: Path, capfd: Any
+) -> None:
+    (tmp_path / "link.npy").symlink_to(mesh)
+    given = [option.format(mesh=mesh, folder=tmp_path, name=tmp_path.name) for option in options]
+    assert cli.main(["render", str(mesh), "-o", str(tmp_path / "out.png"), *given]) == 2
+    out, err = capfd.readouterr()
+    assert out == "" and err.count("\n") == 1 and ": expected a file of its own, got " in err
+    assert not fake.calls and mesh.read_text() == TETRAHEDRON and not (tmp_path / "out.png").exists()
+
+
+def test_outputs_that_keep_nothing_may_be_the_same(mesh: Path, fake: Any) -> None:
+    nowhere = ["-o", os.devnull, f"--stats={os.devnull}"]
+    assert cli.main(["render", str(mesh), *nowhere]) == 0
+    assert not Path(os.devnull).is_file()
+
+
+def test_links_in_a_circle_are_refused_before_any_work(mesh: Path, fake: Any, tmp_path: Path, capfd: Any) -> None:
+    (tmp_path / "x.png").symlink_to("x.png")
+    assert cli.main(["render", str(mesh), "-o", str(tmp_path / "x.png")]) == 2
+    assert "Too many levels of symbolic links" in capfd.readouterr().err
+    assert not fake.calls and (tmp_path / "x.png").is_symlink()
+
+
+def test_each_file_gets_its_own_opacity_and_colour(mesh: Path, fake: Any, tmp_path: Path) -> None:
+    given = ["render", str(mesh), "--opacity=0.2", str(mesh), "--opacity=1", "--quiet", "-o", str(tmp_path / "out.png")]
+    assert cli.main(given) == cli.main([*given, "--color=red", "--color=blue"]) == 0
+    plain, colored = ([*dict.fromkeys(map(tuple, call.scene.colors.tolist()))] for call in fake.calls)
+    assert [alpha for *_, alpha in plain] == [51, 255]
+    assert colored == [(1, 0, 0, pytest.approx(0.2)), (0, 0, 1, 1)]
+
+
+def test_duplicates_are_dropped_where_that_is_asked_for(
+    mesh: Path, fake: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    load, asked = clpeel.load, []
+
+    def noting(*sources: Any, **options: Any) -> Any:
+        asked.append(options.pop("drop_duplicates", None))
+        return load(*sources, **options)
+
+    monkeypatch.setattr(clpeel, "load", noting)
+    given = ["render", str(mesh), str(mesh), "--quiet", "-o", str(tmp_path / "out.png")]
+    assert cli.main(given) == cli.main([*given, "--drop-duplicates"]) == 0
+    assert asked == [None, True]
+    assert cli.main([*given, "--drop-duplicates", "--opacity=1", "--opacity=0.5"]) == 0
+    assert asked == [None, True, None, None, True]  # those of both files together
+    assert cli.main(["demo", "--drop-duplicates"]) == 2
+
+
+def test_notes_about_the_picture_are_said_once(mesh: Path, tmp_path: Path, capfd: Any, monkeypatch: Any) -> None:
+    monkeypatch.setattr(clpeel, "load", lambda *_, **__: replace(load(mesh), notes=("of the scene",)))
+    load, render = clpeel.loading.load, clpeel.render
+
+    def noting(*arguments: Any, **options: Any) -> Any:
+        result = render(*arguments, **options)
+        result.stats["notes"] = ["of the scene", "of the picture"]
+        return result
+
+    monkeypatch.setattr(clpeel, "render", noting)
+    given = ["render", str(mesh), "--resolution=8,8", "-o", str(tmp_path / "out.png")]
+    assert cli.main(given) == 0
+    notes = re.findall(r"clpeel: note: (.*)", capfd.readouterr().err)
+    assert notes == ["of the scene", "of the picture"]
+    assert cli.main([*given, "--quiet"]) == 0 and capfd.readouterr().err == ""
+
+
 def test_a_link_is_written_through(mesh: Path, fake: Any, tmp_path: Path) -> None:
     (tmp_path / "link.png").symlink_to(tmp_path / "real.png")
     assert cli.main(["render", str(mesh), "-o", str(tmp_path / "link.png")]) == 0
@@ -484,6 +597,69 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     with os.fdopen(writer, "wb") as pipe:
         done = subprocess.run([*PYTHON, "-m", "clpeel", "report"], stdout=pipe, stderr=subprocess.PIPE, check=False)
     assert (done.returncode, done.stderr) == (cli.EXIT_BROKEN_PIPE, b"")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "streams", "code", "message"),
+    [
+        (["techniques"], ">&-", 1, "cannot write to standard output: it is closed"),
+        (["render", "{mesh}", "-o", "-"], ">&-", 1, "cannot write to standard output: it is closed"),
+        (["render", "{mesh}", "-o", "x.png", "--stats"], ">&-", 1, "cannot write to standard output: it is closed"),
+        (["techniques"], ">/dev/full", 1, "cannot write to standard output: No space left on device"),
+        (["--help"], ">/dev/full", 1, "cannot write to standard output: No space left on device"),
+        (["render", "{mesh}", "--no-such"], "2>&-", 2, ""),
+        (["render", "{mesh}", "--no-such"], "2>/dev/full", 2, ""),
+    ],
+)
+def test_streams_that_cannot_be_written(
+    arguments: list[str], streams: str, code: int, message: str, mesh: Path, tmp_path: Path
+) -> None:
+    if "/dev/full" in streams and not os.path.exists("/dev/full"):
+        pytest.skip("other systems have no /dev/full")
+    command = [*PYTHON, "-m", "clpeel", *(argument.format(mesh=mesh) for argument in arguments)]
+    shell = ["sh", "-c", f'"$@" {streams}', "sh", *command]
+    done = subprocess.run(shell, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert done.stderr == (f"clpeel: error: {message}\n" if message else "")
+    assert os.listdir(tmp_path) == [mesh.name]
+
+
+def test_a_picture_needs_no_stream(mesh: Path, tmp_path: Path) -> None:
+    shell = ["sh", "-c", '"$@" <&- >&- 2>&-', "sh", *PYTHON, "-m", "clpeel", "render", str(mesh), "--resolution=9,9"]
+    assert subprocess.run([*shell, "-o", "x.png"], check=False, cwd=tmp_path).returncode == 0
+    assert Image.open(tmp_path / "x.png").size == (9, 9)
+
+
+def test_without_streams_main_works_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdout", None)
+    monkeypatch.setattr(sys, "stderr", None)
+    assert cli.main(["techniques"]) == 1
+    assert cli.main(["render", "--no-such"]) == 2
+
+
+def test_terminated_it_leaves_nothing_behind(tmp_path: Path, mesh: Path, fake: Any, capfd: Any) -> None:
+    from clpeel.image import save_png
+
+    def layers(*_: Any) -> None:
+        save_png(next(tmp_path.glob(".clpeel-*.part")) / "layer-01.png", np.zeros((1, 1, 4), np.uint8))
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    fake.layers = SimpleNamespace(count=1, picture=layers)
+    assert cli.main(["layers", str(mesh), "-o", str(tmp_path / "out")]) == 143
+    assert capfd.readouterr().err.endswith("clpeel: terminated\n")
+    assert os.listdir(tmp_path) == [mesh.name]
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_who_handles_sigterm_goes_on_doing_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: seen.append(number))
+    try:
+        monkeypatch.setitem(cli.COMMANDS, "techniques", lambda _: os.kill(os.getpid(), signal.SIGTERM) or 0)
+        assert cli.main(["techniques"]) == 0
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert seen == [signal.SIGTERM]
 
 
 @pytest.fixture
@@ -598,7 +774,8 @@ def test_renders_without_a_home(mesh: Path, tmp_path: Path) -> None:
     }
     output = str(tmp_path / "out.png")
     done = run("render", str(mesh), "-o", output, "--resolution=9,9", env={**environment, "HOME": "/dev/null/nowhere"})
-    assert (done.returncode, done.stderr.count(b"\n")) == (0, 1), done.stderr
+    note, wrote = done.stderr.splitlines()
+    assert done.returncode == 0 and b"note: compiled kernels cannot be kept" in note and b"wrote" in wrote
     assert Image.open(output).size == (9, 9)
 
 

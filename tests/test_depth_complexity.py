@@ -350,6 +350,7 @@ def test_a_picture_on_standard_output(ring: Path, capfdbinary: pytest.CaptureFix
         (["--json", "no/heat.json"], "--json: the folder "),
         (["--json", "-"], "--json: expected a file of its own"),
         (["--json", "complexity.png"], "--json: expected a file of its own"),
+        (["--json", "ring.ply"], "--json: expected a file of its own"),
         (["--opaque", "last"], "--opaque: expected first or blend, got 'last'"),
         (["--memory", "1K"], "memory: expected at least 1M"),
         (["--lanes", "3"], "lanes: expected one of"),

@@ -387,8 +387,9 @@ def test_a_layer_as_a_picture() -> None:
             layers.picture(k)
     with pytest.raises(clpeel.InputError, match="background: expected 3 numbers"):
         layers.picture(0, (2, 0, 0))
-    with pytest.raises(clpeel.InputError, match="background: expected 3 numbers"):
-        layers.composite("white")
+    with pytest.raises(clpeel.InputError, match="background: expected R,G,B .* got 'whit'; did you mean white"):
+        layers.composite("whit")
+    assert (layers.composite("white") == layers.composite()).all()
 
 
 def test_what_no_layer_covers_is_the_background() -> None:
@@ -413,8 +414,13 @@ def test_a_file_gives_the_same_layers(layers: clpeel.Layers, tmp_path: Path) -> 
     assert os.listdir(tmp_path) == ["a.npz"]
     same(clpeel.load_layers(tmp_path / "a.npz"), layers)
     same(clpeel.load_layers(str(tmp_path / "a.npz")), layers)
-    with pytest.raises(clpeel.InputError, match=r"output: cannot write .*missing"):
+    with pytest.raises(clpeel.InputError, match=r"output: the folder .*missing' does not exist"):
         layers.save(tmp_path / "missing" / "a.npz")
+    with pytest.raises(clpeel.InputError, match=r"output: only NPZ is written; expected a name ending in .npz, got"):
+        layers.save(tmp_path / "a.png")
+    (tmp_path / "link.npz").symlink_to("a.npz")
+    layers.save(tmp_path / "link.npz")
+    assert (tmp_path / "link.npz").is_symlink()
 
 
 def fields(layers: clpeel.Layers) -> dict[str, Any]:
@@ -503,7 +509,8 @@ def mesh(tmp_path: Path) -> Path:
 
 def command(mesh: Path, *arguments: str) -> int:
     """`clpeel layers` of the squares, small and unlit."""
-    given = ["--resolution=40,30", "--unlit", "--opacity=0.4", "--color=1,0,0", *arguments]
+    opacity = [] if any(argument.startswith("--opacity") for argument in arguments) else ["--opacity=0.4"]
+    given = ["--resolution=40,30", "--unlit", "--color=1,0,0", *opacity, *arguments]
     return cli.main(["layers", str(mesh), *given])
 
 
@@ -602,6 +609,10 @@ def test_a_failure_leaves_all_as_it_was(
         (["-o", ""], "--output: expected a folder, got ''"),
         (["-o", "-"], "--output: expected a folder, got '-'"),
         (["-o", "x" * 300], "File name too long"),
+        (["-o", "circle"], "--output: cannot write 'circle': Too many levels of symbolic links"),
+        (["-o", "new", "--stats=new"], "--stats: expected a file of its own, got "),
+        (["-o", ".", "--stats=layer-3.png"], "--stats: expected a file of its own, got 'layer-3.png'"),
+        (["-o", ".", "--stats=layers.npz"], "--stats: expected a file of its own, got 'layers.npz'"),
         (["--samples=4"], "layers: expected samples=1, got 4"),
         (["--technique=weighted-sum"], "layers: the technique 'weighted-sum' has no such option"),
         (["--passes=0"], "1 or more"),
@@ -612,10 +623,11 @@ def test_bad_input_is_one_line_before_any_work(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(clpeel, "load", lambda *_, **__: pytest.fail("a file was read"))
+    (tmp_path / "circle").symlink_to("circle")
     assert command(mesh, *arguments) == 2
     out, err = capfd.readouterr()
     assert out == "" and err.count("\n") == 1 and message in err
-    assert os.listdir(tmp_path) == ["squares.off"]
+    assert sorted(os.listdir(tmp_path)) == ["circle", "squares.off"]
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")

@@ -100,8 +100,15 @@ def test_samples_and_pictures_that_are_drawn_over(lanes: int) -> None:
     mean = renderer.render(samples=4, max_error=0.1, **call)
     assert np.abs(mean.error_bound - fine.reshape(20, 2, 30, 2).mean(axis=(1, 3))).max() <= 8 * UNIT
     plain = renderer.render(**call)
-    with pytest.raises(clpeel.InputError, match=r"error_bound: expected a result .* \(sort, .*, got 'sort'"):
+    with pytest.raises(
+        clpeel.InputError, match=r"^error_bound: expected a result rendered with max_error=..., got none$"
+    ):
         _ = plain.error_bound
+    other = renderer.render(BENCH.camera(), (60, 40), technique="weighted-sum")
+    with pytest.raises(
+        clpeel.InputError, match=r"^error_bound: .* technique that has it \(sort, .*, got weighted-sum$"
+    ):
+        _ = other.error_bound
 
 
 @pytest.mark.parametrize("error", [-0.1, 1.5, float("nan"), "much"])

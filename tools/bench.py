@@ -182,7 +182,7 @@ def headline(one: Values) -> str:
 
 def write_report(report: Path, found: Values) -> None:
     """The document's data part, and its plots, in a folder of its name, where matplotlib is installed."""
-    from clpeel.image import write_whole
+    from clpeel.files import write_whole
 
     pictures: dict[str, bytes] = {}
     try:
@@ -208,7 +208,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(as_text(found), end="")
 
     from clpeel.errors import ClpeelError
-    from clpeel.image import write_whole
+    from clpeel.files import write_whole
 
     try:
         if options.json:

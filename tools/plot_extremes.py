@@ -265,7 +265,7 @@ def main(arguments: list[str] | None = None) -> int:
     text = tables(found)
     print(text, end="")
 
-    from clpeel.image import write_whole
+    from clpeel.files import write_whole
 
     if options.output:
         from extremes.plots import draw
