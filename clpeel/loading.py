@@ -7,7 +7,6 @@ import io
 import logging
 import os
 import sys
-import warnings
 import zlib
 from collections import Counter
 from collections.abc import Iterator
@@ -18,43 +17,70 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from clpeel.duplicates import duplicates
 from clpeel.errors import InputError
 from clpeel.plain import READERS
+from clpeel.reader_log import collected
 from clpeel.scene import (
     DEFAULT_COLOR,
     Colors,
     Scene,
     alike,
     as_float,
-    checked_colors,
+    checked_color,
     checked_opacity,
     joined,
     recolored,
 )
+from clpeel.signatures import check_beginning
 
 KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf")
 """File types that `load` reads, also with .gz behind; more where trimesh has the packages for them."""
 
 
-def load(*sources: Any, opacity: float | None = None, color: ArrayLike | None = None) -> Scene:
+def load(
+    *sources: Any, opacity: float | None = None, color: ArrayLike | None = None, drop_duplicates: bool = False
+) -> Scene:
     """One scene from mesh files, trimesh meshes or scenes, and Scenes; several are put together in order.
 
     Files: PLY, STL, OBJ, OFF, GLB, glTF, 3MF, each also with .gz behind. Scene-graph transforms are applied in float64.
     Colours are those of the faces, vertices, materials (glTF base colour with its alphaMode, OBJ Kd and d) or textures,
     sampled at the vertices; DEFAULT_COLOR where there are none. They are taken as given: no linear to sRGB conversion.
-    color [3|4] replaces every rgb, and with four numbers every alpha; opacity 0..1 replaces every alpha.
+    color [3|4], or text such as "steelblue", replaces every rgb, and with an alpha every alpha; opacity 0..1 replaces
+    every alpha. drop_duplicates: of faces whose three corners lie at the same places, in any order, only the first is
+    kept, with its colours; the vertices stay. The scene's notes say what a file holds and the scene lacks, and how many
+    faces are duplicates.
 
     Raises InputError, one line that begins with the file's name: missing, unreadable, damaged, of an unknown type,
-    without triangles.
+    without triangles, or of a glTF extension that is required and not read.
     """
     if not sources:
         raise InputError("load: expected at least one mesh file, trimesh object or Scene, got none")
     given_opacity = None if opacity is None else checked_opacity(opacity)
-    given_color = None
-    if color is not None:
-        given_color = checked_colors("color", color, ())[: np.shape(color)[0]]
-    scene = joined([_opened(source) for source in sources])
+    given_color = None if color is None else checked_color("color", color)
+    scene = _without_duplicates(joined([_opened(source) for source in sources]), drop_duplicates)
     return scene if color is None and opacity is None else recolored(scene, given_color, given_opacity)
+
+
+_DUPLICATES = "duplicate faces"  # how the note of them begins
+
+
+def _without_duplicates(scene: Scene, drop: bool) -> Scene:
+    """The scene with a note of its duplicate faces, or without them and a note of how many were dropped."""
+    found, total = duplicates(scene.vertices, scene.faces), len(scene.faces)
+    notes = tuple(note for note in scene.notes if not note.startswith(_DUPLICATES) or " dropped" in note)
+    if not len(found):
+        return scene if notes == scene.notes else replace(scene, notes=notes)
+    if not drop:
+        advice = (
+            f"{_DUPLICATES}: {len(found):,} of {total:,} lie where another lies and are drawn too: with transparency, "
+            "such surfaces are twice as opaque; drop them with --drop-duplicates, or use --coincident paper (of a "
+            "technique that peels)"
+        )
+        return replace(scene, notes=(*notes, advice))
+    colors = None if scene.face_colors is None else np.delete(scene.face_colors, found, axis=0)
+    said = f"{_DUPLICATES}: {len(found):,} of {total:,} dropped"
+    return replace(scene, faces=np.delete(scene.faces, found, axis=0), face_colors=colors, notes=(*notes, said))
 
 
 def _opened(source: Any) -> Scene:
@@ -65,7 +91,7 @@ def _opened(source: Any) -> Scene:
         return _from_file(os.fsdecode(source))
     trimesh = sys.modules.get("trimesh")
     if trimesh is not None and isinstance(source, (trimesh.Trimesh, trimesh.Scene, trimesh.PointCloud)):
-        with _errors_named("trimesh object"):
+        with _errors_named("trimesh object"), collected():
             return _from_trimesh(source)
     raise InputError(f"load: expected a path, a trimesh object or a Scene, got {type(source).__name__}")
 
@@ -79,17 +105,40 @@ def _from_file(path: str) -> Scene:
     if extension not in KNOWN_EXTENSIONS and os.path.exists(path):
         _require_reader(path, extension)
     data = _contents(path)
-    with _errors_named(path):
+    with _errors_named(path), collected():
+        if extension != "stl":
+            check_beginning(extension, data)
         plain = READERS[extension](data) if extension in READERS else None
     if plain is not None:
         return plain
     _require_reader(path, extension)
-    with _errors_named(path):
-        import trimesh
+    with _errors_named(path), collected() as records:
+        return _read(path, extension, data, records)
 
-        resolver = trimesh.resolvers.FilePathResolver(path)
-        stream = io.BytesIO(data)
-        return _from_trimesh(trimesh.load_scene(stream, file_type=extension, resolver=resolver, process=False))
+
+def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecord]) -> Scene:
+    """The scene that trimesh reads from a file's data, with notes of what it lacks; records: trimesh's log."""
+    # Imported here, as most files need none of them (plain.py).
+    import trimesh
+
+    from clpeel import losses
+    from clpeel.companions import Companions
+    from clpeel.gltf import plain_gltf
+    from clpeel.relative import with_absolute_indices
+
+    companions = Companions(path)
+    if extension in ("glb", "gltf"):
+        data, notes = plain_gltf(data, extension, companions)
+        extension = "gltf"
+    else:
+        notes = losses.found(extension, data, companions)
+        data = with_absolute_indices(data) if extension == "obj" else data
+    loaded = trimesh.load_scene(io.BytesIO(data), file_type=extension, resolver=companions, process=False)
+    notes += losses.logged(records, told=extension in KNOWN_EXTENSIONS)
+    notes += losses.missing(companions, notes)
+    scene = _from_trimesh(loaded)
+    own = [note for note in scene.notes if note not in notes]
+    return replace(scene, notes=(*notes, *own))
 
 
 def _require_reader(path: str, extension: str) -> None:
@@ -120,26 +169,24 @@ def _contents(path: str) -> bytes:
 
 @contextmanager
 def _errors_named(name: str) -> Iterator[None]:
-    """Whatever goes wrong inside becomes one InputError line that begins with name; trimesh's own chatter is silent."""
-    logger = logging.getLogger("trimesh")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)  # holds for the loggers below it too
+    """Whatever goes wrong inside becomes one InputError line that begins with name."""
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
+        with np.errstate(all="ignore"):
             yield
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
-    except (Exception, MemoryError) as error:
-        raise InputError(f"{name}: not a readable mesh: {_line(error)}") from error
-    finally:
-        logger.setLevel(level)
+    except MemoryError:
+        raise InputError(f"{name}: not a readable mesh: it asks for more memory than there is") from None
+    except Exception as error:
+        reason = f"the file is damaged (the reader stopped with {_line(error)})"
+        raise InputError(f"{name}: not a readable mesh: {reason}") from error
 
 
 def _line(error: BaseException) -> str:
-    """An error's type and message on one short line."""
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text[:200]}" if text else type(error).__name__
+    """An error's type and message on one short line, control characters escaped."""
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(str(error).split()))
+    shown = text if len(text) <= 120 else f"{text[:119]}…"
+    return f"{type(error).__name__}: {shown}" if shown else type(error).__name__
 
 
 def _known() -> str:

@@ -1,0 +1,31 @@
+"""OBJ faces whose corners are counted back from where they stand, as indices from the start of the file."""
+
+from __future__ import annotations
+
+import re
+
+_BACKWARDS = re.compile(rb"^[ \t]*f[ \t][^\n]*[ \t/]-\d", re.MULTILINE)
+
+
+def with_absolute_indices(data: bytes) -> bytes:
+    """The OBJ file's data with no negative index in its faces: trimesh counts those back from the end of the file."""
+    if not _BACKWARDS.search(data):
+        return data
+    counts = {b"v": 0, b"vt": 0, b"vn": 0}
+    lines = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines()
+    for number, line in enumerate(lines):
+        word, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
+        if word in counts:
+            counts[word] += 1
+        elif word == b"f" and b"-" in rest:
+            corners = [corner.split(b"/") for corner in rest.split()]
+            lines[number] = b"f " + b" ".join(
+                b"/".join(_absolute(part, count) for part, count in zip(corner, counts.values(), strict=False))
+                for corner in corners
+            )
+    return b"\n".join(lines)
+
+
+def _absolute(index: bytes, count: int) -> bytes:
+    """An index as it is, or what it means if it is counted back from the count of those so far."""
+    return b"%d" % (count + 1 + int(index)) if index.startswith(b"-") else index
