@@ -168,16 +168,13 @@ INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int)
 #define STORE_LINE(to, value) (*(to) = (value))
 #endif
 
-// The lowest bit's place, of a number that is not zero.
-#if __has_builtin(__builtin_ctz)
+// The lowest bit's place, of a number that is not zero; and how many bits are set. Compilers for a CPU make one instruction
+// of their own functions. Others may accept these and then not know what to make of them, but all know OpenCL's.
+#if CPU_TARGET && __has_builtin(__builtin_ctz) && __has_builtin(__builtin_popcount)
 #define LOWEST_BIT(bits) __builtin_ctz(bits)
-#else
-#define LOWEST_BIT(bits) (31 - (int)clz((bits) & (0u - (bits))))
-#endif
-
-#if __has_builtin(__builtin_popcount)
 #define POPCOUNT(bits) (uint)__builtin_popcount(bits)
 #else
+#define LOWEST_BIT(bits) (31 - (int)clz((bits) & (0u - (bits))))
 #define POPCOUNT(bits) popcount(bits)
 #endif
 

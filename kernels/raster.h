@@ -238,7 +238,7 @@ INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
 INLINE Reals square_root(Reals value)
 {
     Reals root;
-#if __has_builtin(__builtin_sqrtf)
+#if CPU_TARGET && __has_builtin(__builtin_sqrtf)
     UNROLL for (int k = 0; k < SHADED; ++k) ((float *)&root)[k] = __builtin_sqrtf(((const float *)&value)[k]);
 #else
     UNROLL for (int k = 0; k < SHADED; ++k) ((float *)&root)[k] = sqrt(((const float *)&value)[k]);

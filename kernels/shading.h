@@ -70,7 +70,9 @@ INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, V
 INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count, uint first,
                       VECTOR(ulong) *rows)
 {
-    VECTOR(uint) left = count > (VECTOR(uint))(first) ? count - first : (VECTOR(uint))(0);
+    // Signed, as counts are below 2^24: what an optimizer makes of the unsigned form, not every driver has (Oclgrind).
+    VECTOR(int) behind = PASTE(as_, VECTOR(int))(count) - (VECTOR(int))((int)first);
+    VECTOR(uint) left = PASTE(as_, VECTOR(uint))(MAX(behind, (VECTOR(int))(0)));
     if (step == STRIP) {
         global const VECTOR(ulong) *from = (global const VECTOR(ulong) *)(fragments + begin.s0) + first;
         UNROLL for (int row = 0; row < ROWS; ++row) rows[row] = from[row];

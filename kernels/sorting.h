@@ -55,7 +55,7 @@ static global ulong *sort_digits(global ulong *list, global ulong *spare, uint c
     }
     ulong least = list[count - 1], most = least;
     for (int k = 0; k < 8; ++k) {
-        ulong one = list[count - 1 - MIN((uint)k, count - 1)];
+        ulong one = list[MAX((int)count - 1 - k, 0)];  // signed: as in load_rows (shading.h)
         least = MIN(least, MIN(((const ulong *)&low)[k], one)), most = MAX(most, MAX(((const ulong *)&high)[k], one));
     }
     least &= 0xFFFFFFFF00000000ul;
