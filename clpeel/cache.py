@@ -1,28 +1,120 @@
-"""A cache folder that can be written: without one PoCL shows no device and pyopencl cannot be imported."""
+"""Compiled kernels kept from one process to the next: read only where they are whole, and never needed.
+
+A file for each program, in a folder named after all that its contents depend on: the versions of clpeel and the driver,
+the device and the processor. A file begins with a line that tells its size and SHA-256; one that was cut or changed is
+not read, and is written anew. Where nothing can be kept, kernels are compiled each time, and a note says so.
+"""
 
 from __future__ import annotations
 
-import atexit
+import hashlib
+import json
 import os
+import re
 import shutil
-import sys
-import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import clpeel
+from clpeel.errors import InputError
+from clpeel.files import write_whole
+
+_FORMAT = 1
+_SUFFIX = ".kernels"
+_PROCESSOR_BYTES = 1 << 14  # of /proc/cpuinfo: the first processor's, whose abilities are all's
+
+_notes: list[str] = []  # for the user
+_noted: set[str] = set()  # what they begin with, up to a colon: one of a kind is enough for a process
 
 
-def ensure_cache() -> None:
-    """Where the user's cache folder cannot be written, use a fresh one for this process; call before pyopencl.
+def note(text: str) -> None:
+    """Leaves a note for the next picture, unless one that begins alike was left before."""
+    kind = text.partition(":")[0]
+    if kind not in _noted:
+        _noted.add(kind)
+        _notes.append(text)
 
-    So it is where HOME is missing or read-only, as in many containers. Kernels are then compiled anew each time.
-    """
-    if not sys.platform.startswith("linux"):
-        return
-    folder = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+
+def take_notes() -> list[str]:
+    """The notes that no picture has had yet."""
+    notes = list(_notes)
+    del _notes[: len(notes)]
+    return notes
+
+
+def root() -> Path:
+    """Where compiled kernels are kept: below POCL_CACHE_DIR, XDG_CACHE_HOME or ~/.cache, whichever is set first."""
+    given = os.environ.get("POCL_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    return Path(given or Path("~", ".cache").expanduser()) / "clpeel"
+
+
+class Cache:
+    """What was compiled for one device."""
+
+    def __init__(self, device: Sequence[str]) -> None:
+        """device: texts that tell it from all others; the first two are for people to read."""
+        told = (clpeel.__version__, *device, _processor())
+        readable = "-".join(re.sub(r"[^\w.]+", "-", text).strip("-")[:40] for text in told[:3])
+        self.folder = root() / f"{readable}-{_digest(told)[:16]}"
+
+    def _file(self, key: str) -> Path:
+        return self.folder / f"{key}{_SUFFIX}"
+
+    def read(self, key: str) -> bytes | None:
+        """What was kept under the key (`key_of`); None where there is nothing, or what there is has been damaged."""
+        try:
+            with open(self._file(key), "rb", opener=_open_at_once) as file:
+                manifest, _, payload = file.read().partition(b"\n")
+        except OSError:  # no such file, or no such folder, or none that can be read: write will tell
+            return None
+        if manifest == _manifest(payload):
+            return payload
+        note(f"compiled kernels kept in '{self.folder}' were damaged; they were compiled and written anew")
+        return None
+
+    def write(self, key: str, payload: bytes) -> None:
+        """Keeps it, whole or not at all. Leaves a note where that cannot be done."""
+        try:
+            file = self._file(key)
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if file.is_dir():
+                shutil.rmtree(file)
+            elif not file.is_file():
+                file.unlink(missing_ok=True)
+            write_whole(file, _manifest(payload) + b"\n" + payload)
+        except (OSError, InputError, RuntimeError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            note(f"compiled kernels cannot be kept in '{self.folder}', so each run compiles them: {reason}")
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Opens a file without waiting for anybody, as a pipe of that name would."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def key_of(*texts: str) -> str:
+    """The name to keep something under that depends on these texts alone."""
+    return _digest(texts)
+
+
+def _digest(texts: Sequence[str]) -> str:
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+
+
+def _manifest(payload: bytes) -> bytes:
+    """The line that a file begins with."""
+    return json.dumps(
+        {"format": _FORMAT, "bytes": len(payload), "sha256": hashlib.sha256(payload).hexdigest()}
+    ).encode()
+
+
+def _processor() -> str:
+    """What the processor can do: code compiled for one that can more must not run on one that can less."""
     try:
-        os.makedirs(folder, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return
+        with open("/proc/cpuinfo", "rb") as file:
+            lines = file.read(_PROCESSOR_BYTES).partition(b"\n\n")[0].decode("latin-1").splitlines()
     except OSError:
-        pass
-    fresh = tempfile.mkdtemp(prefix="clpeel-cache-")
-    atexit.register(shutil.rmtree, fresh, ignore_errors=True)
-    os.environ["XDG_CACHE_HOME"] = fresh
+        import platform
+
+        return f"{platform.machine()} {platform.processor()}"
+    return "\n".join(line for line in lines if re.match(r"(model name|flags|Features|CPU part)\s*:", line))

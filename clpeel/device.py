@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from functools import cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
+import pyopencl as cl
 
-from clpeel.cache import ensure_cache
-from clpeel.errors import InputError, NoDeviceError
-
-ensure_cache()
-import pyopencl as cl  # noqa: E402
+from clpeel import workshop
+from clpeel.errors import DeviceError, InputError, NoDeviceError
 
 INSTALL_HINT = (
     "no OpenCL device found: install one with 'pip install pocl-binary-distribution' (x86-64 Linux) "
@@ -23,6 +21,9 @@ INSTALL_HINT = (
 KINDS = {"cpu": cl.device_type.CPU, "gpu": cl.device_type.GPU, "accelerator": cl.device_type.ACCELERATOR}
 
 CPU_LANES, GPU_LANES = 1, 64
+INTERPRETERS = ("Oclgrind",)
+"""Platforms that are no processor, whatever they say: a vector is no faster there, and Oclgrind rounds some wrongly."""
+
 ALLOWED_LANES = (1, 16, 32, 64, 128)
 
 DEFAULT_MEMORY_SHARE = 4
@@ -94,32 +95,59 @@ class Gpu:
 
 
 def list_devices() -> list[DeviceInfo]:
-    """All OpenCL devices, numbered from 0 in the order their platforms are found. Empty when there are none."""
+    """All OpenCL devices, numbered from 0 in the order their platforms are found. Empty when there are none.
+
+    Raises DeviceError in a process that was forked from one that has used OpenCL (check_process).
+    """
+    check_process()
+    found: list[DeviceInfo] = []
+    with workshop.drivers_start():
+        devices = [device for platform in _platforms() for device in _devices_of(platform)]
+    for device in devices:
+        found.append(
+            DeviceInfo(
+                number=len(found),
+                name=device.name.strip(),
+                platform=device.platform.name.strip(),
+                version=device.version.strip(),
+                kind=next((name for name, flag in KINDS.items() if device.type & flag), "other"),
+                compute_units=device.max_compute_units,
+                memory=device.global_mem_size,
+                driver=device.driver_version,
+                device=device,
+            )
+        )
+    return found
+
+
+def _platforms() -> list[cl.Platform]:
     try:
-        platforms = cl.get_platforms()
+        return list(cl.get_platforms())
     except cl.Error:  # PLATFORM_NOT_FOUND_KHR: no driver at all
         return []
-    found: list[DeviceInfo] = []
-    for platform in platforms:
-        try:
-            devices = platform.get_devices()
-        except cl.Error:
-            continue
-        for device in devices:
-            found.append(
-                DeviceInfo(
-                    number=len(found),
-                    name=device.name.strip(),
-                    platform=platform.name.strip(),
-                    version=device.version.strip(),
-                    kind=next((name for name, flag in KINDS.items() if device.type & flag), "other"),
-                    compute_units=device.max_compute_units,
-                    memory=device.global_mem_size,
-                    driver=device.driver_version,
-                    device=device,
-                )
-            )
-    return found
+
+
+def _devices_of(platform: cl.Platform) -> list[cl.Device]:
+    try:
+        return list(platform.get_devices())
+    except cl.Error:
+        return []
+
+
+_process: int | None = None  # that has asked the drivers for devices: their threads are its own
+
+
+def check_process() -> None:
+    """Raises DeviceError in a process that was forked from one that has used OpenCL: the drivers' threads stayed there,
+    and whatever is enqueued would wait for them for ever."""
+    global _process
+    if _process is None:
+        _process = os.getpid()
+    elif _process != os.getpid():
+        raise DeviceError(
+            "device: expected a process with OpenCL of its own, got one that was forked from a process that has used "
+            "it; start processes by multiprocessing.get_context('spawn'), or make the first picture after the fork"
+        )
 
 
 def choose(selector: int | str | None) -> DeviceInfo:
@@ -151,7 +179,8 @@ def open_device(selector: int | str | None = None, lanes: int | None = None) -> 
     info = choose(os.environ.get("CLPEEL_DEVICE") if selector is None else selector)
     device = info.device
     if lanes is None:
-        lanes = CPU_LANES if device.type & cl.device_type.CPU else GPU_LANES
+        has_wide_vectors = device.type & cl.device_type.CPU and info.platform not in INTERPRETERS
+        lanes = CPU_LANES if has_wide_vectors else GPU_LANES
     if lanes not in ALLOWED_LANES:
         raise InputError(f"lanes: expected one of {', '.join(map(str, ALLOWED_LANES))}, got {lanes!r}")
     if lanes > device.max_work_group_size:
@@ -161,7 +190,13 @@ def open_device(selector: int | str | None = None, lanes: int | None = None) -> 
     return Gpu(device, context, queue, lanes, builds)
 
 
-@cache
+_opened: dict[cl.Device, tuple[cl.Context, dict[Any, cl.Program]]] = {}
+_opening = Lock()
+
+
 def _kept(device: cl.Device) -> tuple[cl.Context, dict[Any, cl.Program]]:
     """A device's context and what was built in it, kept for the process: the second picture need not wait for it."""
-    return cl.Context([device]), {}
+    with _opening:
+        if device not in _opened:
+            _opened[device] = cl.Context([device]), {}
+        return _opened[device]

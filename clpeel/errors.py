@@ -15,3 +15,9 @@ class NoDeviceError(ClpeelError, RuntimeError):
     """No OpenCL device fits the request."""
 
     exit_code = 3
+
+
+class DeviceError(ClpeelError, RuntimeError):
+    """There is a device, but this process, or this machine as it is now, cannot compute on it."""
+
+    exit_code = 1

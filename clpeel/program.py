@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
+from clpeel.building import BUILDING, build
 from clpeel.device import Gpu
 from clpeel.layout import Features, declarations
 
@@ -66,18 +66,9 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
     key = path, features, *sorted(defines.items())
     if key not in gpu.programs:
         text = source(path)
-        if key not in gpu.builds:
-            options = [
-                "-cl-std=CL1.2",
-                "-w",
-                *features.options(),
-                *(f"-D{name}={value}" for name, value in defines.items()),
-            ]
-            if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
-                options.append(CORRECTLY_ROUNDED)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", cl.CompilerWarning)
-                gpu.builds[key] = cl.Program(gpu.context, text).build(options=options)
+        with BUILDING:
+            if key not in gpu.builds:
+                gpu.builds[key] = build(gpu.context, gpu.device, text, build_options(gpu, features, defines))
         built = gpu.builds[key]
         kernels = {}
         compiled = set(built.get_info(cl.program_info.KERNEL_NAMES).split(";"))  # #if may leave some of the text out
@@ -93,6 +84,14 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
         gpu.programs[key] = kernels
     found: dict[str, Kernel] = gpu.programs[key]
     return found
+
+
+def build_options(gpu: Gpu, features: Features, defines: dict[str, int]) -> list[str]:
+    """What the compiler is told besides the source."""
+    options = ["-cl-std=CL1.2", "-w", *features.options(), *(f"-D{name}={value}" for name, value in defines.items())]
+    if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
+        options.append(CORRECTLY_ROUNDED)
+    return options
 
 
 def cut(gpu: Gpu, items: int, most: int | None = None) -> tuple[int, int]:

@@ -126,9 +126,12 @@ def _drivers() -> list[str]:
 
 def report() -> list[str]:
     """Lines for a bug report. Needs no device: what is missing or fails is said, not raised."""
+    from clpeel.cache import root
+
     rows = [("python", f"{platform.python_version()} ({platform.python_implementation()}, {sys.platform})")]
     rows += [(name, version(name)) for name in PACKAGES]
     rows += [("kernels", _kernels()), ("system", f"{_system()}, {platform.machine()}")]
+    rows.append(("kernels kept in", str(root())))
     rows.append(("processor", f"{_processor()} ({os.cpu_count()} threads)"))
     rows += [("drivers", line) for line in _drivers()]
     lines = table(rows)
