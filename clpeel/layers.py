@@ -15,7 +15,7 @@ from clpeel.binning import BATCH_SHARE, TILE_BYTES, Batch, bin_triangles
 from clpeel.camera import Camera
 from clpeel.device import Gpu
 from clpeel.errors import InputError
-from clpeel.image import write_whole
+from clpeel.files import write_whole
 from clpeel.layout import (
     BLOCK,
     BLOCK_PIXELS,
@@ -33,6 +33,7 @@ from clpeel.layout import (
     TILE_PIXELS,
     UNORM24,
 )
+from clpeel.lengths import Lengths, narrowed
 from clpeel.program import launch, program
 from clpeel.projection import DeviceScene, Triangles, project
 from clpeel.raster import Fragments, rasterize
@@ -48,7 +49,8 @@ TILE_LAYERS_BYTES = TILE_BYTES + (4 + 4) * TILE_PIXELS + 4
 TURNS = ("fragments", "scratch", "colors", "sources", "pairs", "pixel_end", "kept")
 """Buffers that the picture and the layers have in turn, so that each keeps to the memory given."""
 
-_ARRAYS = {"start": np.int64, "color": np.float32, "depth": np.float32, "triangle": np.int32}
+_ARRAYS = {"start": (np.int64,), "color": (np.float32,), "depth": (np.float32, np.float64), "triangle": (np.int32,)}
+"""Their types, of which the first is the usual one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +59,8 @@ class Layers:
 
     size: (width, height) in pixels. start: int64 [height * width + 1]: the layers of the pixel at (row, column), row 0
     on top, are start[p] : start[p + 1] with p = row * width + column. color: float32 [n, 4], straight RGBA 0..1, lit
-    where the picture was. depth: float32 [n], distance from the camera along its view axis in scene units (infinite
-    beyond float32's range). triangle: int32 [n], the face of the scene.
+    where the picture was. depth: float32 [n], distance from the camera along its view axis in scene units (float64
+    where float32 cannot hold them). triangle: int32 [n], the face of the scene.
 
     The order is (depth, submission). A pixel's layers end with the first opaque one, whose alpha is exactly 1, unless
     it was rendered with opaque="blend". Raises InputError where the arrays do not fit together.
@@ -67,7 +69,7 @@ class Layers:
     size: tuple[int, int]
     start: NDArray[np.int64]
     color: NDArray[np.float32]
-    depth: NDArray[np.float32]
+    depth: Lengths
     triangle: NDArray[np.int32]
 
     def __post_init__(self) -> None:
@@ -92,16 +94,16 @@ class Layers:
             raise InputError("depth: expected each pixel's front to back, got another order")
 
     def _check_shape(self, name: str, *shape: int) -> None:
-        array, dtype = getattr(self, name), np.dtype(_ARRAYS[name])
-        if array.shape != shape or array.dtype != dtype:
-            raise InputError(f"{name}: expected {dtype} {list(shape)}, got {array.dtype} {list(array.shape)}")
+        array, types = getattr(self, name), [np.dtype(dtype) for dtype in _ARRAYS[name]]
+        if array.shape != shape or array.dtype not in types:
+            raise InputError(f"{name}: expected {types[0]} {list(shape)}, got {array.dtype} {list(array.shape)}")
 
     @cached_property
     def count(self) -> int:
         """The most layers that a pixel has."""
         return int(np.diff(self.start).max())
 
-    def layer(self, k: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
+    def layer(self, k: int) -> tuple[NDArray[np.float32], Lengths, NDArray[np.int32]]:
         """The k-th layer of all pixels, 0 the foremost: what peeling finds in its k-th pass.
 
         Returns color float32 [height, width, 4], straight, zeros where a pixel has no such layer; depth float32
@@ -114,7 +116,7 @@ class Layers:
         pixels = np.flatnonzero(np.diff(self.start) > k)
         places = self.start[pixels] + k
         color = np.zeros((height * width, 4), np.float32)
-        depth = np.full(height * width, np.inf, np.float32)
+        depth = np.full(height * width, np.inf, self.depth.dtype)
         triangle = np.full(height * width, -1, np.int32)
         color[pixels], depth[pixels], triangle[pixels] = self.color[places], self.depth[places], self.triangle[places]
         return color.reshape(height, width, 4), depth.reshape(height, width), triangle.reshape(height, width)
@@ -123,7 +125,7 @@ class Layers:
         """The same as `count`."""
         return self.count
 
-    def __getitem__(self, k: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
+    def __getitem__(self, k: int) -> tuple[NDArray[np.float32], Lengths, NDArray[np.int32]]:
         """The same as `layer`, so that `for color, depth, triangle in layers` goes through them front to back."""
         if not -self.count <= k < self.count:
             raise IndexError(k)  # what ends that loop
@@ -153,7 +155,7 @@ class Layers:
             through[pixels] *= np.float32(1) - alpha
         return rgb.reshape(height, width, 3), through.reshape(height, width, 1)
 
-    def composite(self, background: Sequence[float] | None = (1, 1, 1)) -> NDArray[np.uint8]:
+    def composite(self, background: Sequence[float] | str | None = (1, 1, 1)) -> NDArray[np.uint8]:
         """The picture again: uint8 [height, width, 4], row 0 on top.
 
         background: 3 numbers 0..1, or None for straight alpha. Layers of which none is missing give the bits of
@@ -162,7 +164,7 @@ class Layers:
         return _shown(*self._blended(), background)
 
     def picture(
-        self, k: int, background: Sequence[float] | None = (1, 1, 1), keep_alpha: bool = False
+        self, k: int, background: Sequence[float] | str | None = (1, 1, 1), keep_alpha: bool = False
     ) -> NDArray[np.uint8]:
         """The k-th layer alone, opaque, as Bavoil and Myers (2008) show them in Figure 2: uint8 [height, width, 4].
 
@@ -174,14 +176,17 @@ class Layers:
         return _shown(alpha * color[..., :3], np.float32(1) - alpha, background)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes them all as an .npz, whole or not at all, for `load_layers`. Raises InputError where it cannot."""
+        """Writes them all as an .npz, whole or not at all, for `load_layers`; through a link, if path is one.
+
+        Raises InputError when the place cannot be written, or its name ends in what is not .npz.
+        """
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         size = np.array(self.size, np.int32)
-        write_whole(path, lambda file: np.savez(file, format=np.int32(FORMAT), size=size, **arrays))
+        write_whole(path, lambda file: np.savez(file, format=np.int32(FORMAT), size=size, **arrays), ".npz")
 
 
 def _shown(
-    rgb: NDArray[np.float32], through: NDArray[np.float32], background: Sequence[float] | None
+    rgb: NDArray[np.float32], through: NDArray[np.float32], background: Sequence[float] | str | None
 ) -> NDArray[np.uint8]:
     """Premultiplied colour [h, w, 3] and transmittance [h, w, 1] to a picture: composite.h, operation by operation."""
     over = checked_background(background)
@@ -232,7 +237,7 @@ class _Piece:
     pixel: NDArray[np.int64]
     count: NDArray[np.int64]
     color: NDArray[np.float32]
-    depth: NDArray[np.float32]
+    depth: Lengths
     triangle: NDArray[np.int32]
 
 
@@ -359,7 +364,7 @@ def _pixels(tile: NDArray[np.int64], place: NDArray[np.int64], width: int) -> ND
     return row * width + column
 
 
-def _distances(keys: NDArray[np.uint32], triangles: Triangles) -> NDArray[np.float32]:
+def _distances(keys: NDArray[np.uint32], triangles: Triangles) -> Lengths:
     """Depth keys to view distances: depth.h and the camera's projection, turned round."""
     near, far = triangles.clipping
     kept = DEPTH_FORMATS.index(triangles.features.depth_format)
@@ -373,7 +378,7 @@ def _distances(keys: NDArray[np.uint32], triangles: Triangles) -> NDArray[np.flo
             window = bits.view(np.float32).astype(np.float64) if kept == FLOAT32 else bits / steps[kept]
             depth = 1 - window / triangles.depth_scale
         distance = near / depth if triangles.features.perspective else far - depth * (far - near)
-        return distance.astype(np.float32)
+        return narrowed(distance)
 
 
 def _runs(begin: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -388,7 +393,8 @@ def _joined(size: tuple[int, int], pieces: list[_Piece]) -> Layers:
         start[piece.pixel + 1] = piece.count
     np.cumsum(start, out=start)
     n = int(start[-1])
-    color, depth, triangle = np.empty((n, 4), np.float32), np.empty(n, np.float32), np.empty(n, np.int32)
+    color, triangle = np.empty((n, 4), np.float32), np.empty(n, np.int32)
+    depth: Lengths = np.empty(n, np.result_type(np.float32, *(piece.depth.dtype for piece in pieces)))
     while pieces:
         piece = pieces.pop()
         at = _runs(start[piece.pixel], piece.count)

@@ -75,7 +75,7 @@ def _filled(normals: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _scaled(scene: Scene) -> Floats:
-    """The vertices as [3, n] times the power of two that brings the faces to about 1: areas neither overflow nor vanish."""
+    """The vertices as [3, n] times the power of two that brings faces to about 1: areas neither overflow nor vanish."""
     size = float(np.abs(scene.bounds).max())
     exponent = max(-1000, min(1000, -math.frexp(size)[1]))
     with np.errstate(all="ignore"):

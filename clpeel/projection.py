@@ -30,6 +30,9 @@ WEIGHTS_BYTES = 36
 STATE_BYTES = 1
 LISTED_BYTES = 4
 
+LEAST_WINDOW_SHARE = 2.0**-40
+"""As LEAST_SHARE (camera.py), of window depths: those of the scene are all equal then, in any format."""
+
 MOST_ITEMS = 2**31 // 3
 """Vertices or faces of a scene: three numbers each, at places that are signed where they are gathered (wide.h)."""
 
@@ -68,7 +71,8 @@ class Triangles:
     features: Features
     size: tuple[int, int]  # width, height in pixels
     view: tuple[float, float, float]  # view direction, unit length
-    clipping: tuple[float, float]  # view distances of the near and the far plane, in world units
+    clipping: tuple[float, float]  # view distances of the near and the far plane of depths, in world units
+    window: tuple[float, float]  # the same of window depths: as given
     depth_scale: float  # what window depths are multiplied with (depth.h); of the view, whatever kernels are built for
     faces: int
     listed: int
@@ -174,7 +178,9 @@ def project(
     kernels = program(gpu, "stages.cl", features)
     host = scene.scene
     vertex_count, face_count = len(host.vertices), len(host.faces)
-    clipping = camera.fitted_range(host)
+    # Formats of window depths keep what the range given leaves of them, as far as it leaves anything.
+    reversed_depths = depth_format == DEPTH_FORMATS[FLOAT32_REVERSED]
+    clipping = camera.depth_range(host) if reversed_depths else camera.depth_range(host, LEAST_WINDOW_SHARE)
     matrix, depth_near, depth_far = camera.projection(scene.grid.origin, scene.grid.scale, clipping, size)
     vertices = gpu.buffer("vertices", (vertex_count + PADDING) * VERTEX.itemsize)
     view = {"width": size[0], "height": size[1]}
@@ -265,6 +271,7 @@ def project(
         size=size,
         view=(float(direction[0]), float(direction[1]), float(direction[2])),
         clipping=clipping,
+        window=camera.fitted_range(host),
         depth_scale=1.0 if camera.orthographic else 1 / (1 - clipping[0] / clipping[1]),
         faces=face_count,
         listed=listed_count,

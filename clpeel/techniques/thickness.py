@@ -19,6 +19,7 @@ from clpeel.composite import Finished, Picture
 from clpeel.draw import Drawn, draw_once
 from clpeel.errors import InputError
 from clpeel.layout import FRAGMENT_BYTES
+from clpeel.lengths import scaled
 from clpeel.peel import peel
 from clpeel.projection import Triangles
 from clpeel.scale_bar import draw_scale_bar
@@ -78,20 +79,28 @@ def measure(
 def length_unit(triangles: Triangles, projected: bool) -> float:
     """What the kernels' lengths are multiplied with (thickness.h, length_between).
 
-    Scene units: near in perspective, as depth is near / distance, and far - near else. Projected, OpenGL's window depth
-    f / (f - n) (1 - n / distance) in perspective: f / (f - n); else 1.
+    Scene units: near in perspective, as depth is near / distance, and far - near else; times device_scale, so that
+    float32 holds them. Projected, OpenGL's window depth f / (f - n) (1 - n / distance) in perspective: f / (f - n), and
+    else 1. Where depths begin and end elsewhere than window depths, their ratio comes in (Camera.depth_range).
     """
     near, far = triangles.clipping
+    window_near, window_far = triangles.window
     if triangles.features.perspective:
-        return far / (far - near) if projected else near
-    return 1.0 if projected else far - near
+        projection = window_near / near * window_far / (window_far - window_near)
+        return projection if projected else near * device_scale(triangles)
+    return (far - near) / (window_far - window_near) if projected else (far - near) * device_scale(triangles)
 
 
-def maps_of(picture: Picture) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """The maps by name, and their stats."""
+def device_scale(triangles: Triangles) -> float:
+    """A scene unit, in those of the device: a power of two, 1 but for scenes of extreme sizes."""
+    return triangles.scene.grid.scale
+
+
+def maps_of(picture: Picture, unit: float = 1.0) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The maps by name, and their stats. unit: of the device's lengths, a power of two, in those of the map."""
     values = picture.values
     assert values is not None
-    maps = {"thickness": values[..., 0].copy(), "unpaired": values[..., 1] > 0}
+    maps = {"thickness": scaled(values[..., 0], unit), "unpaired": values[..., 1] > 0}
     stats = {
         "thickness_max": float(maps["thickness"].max()),
         "unpaired_pixels": int(np.count_nonzero(maps["unpaired"])),
@@ -142,7 +151,7 @@ def finish(
     Unpaired samples are shown in OUTSIDE, a colour that the map has not. `thickness_range` is by default 0 to the
     greatest thickness of any pixel that is not unpaired.
     """
-    maps, stats = maps_of(picture)
+    maps, stats = maps_of(picture, 1.0 if projected else 1 / device_scale(triangles))
     values = picture.values
     assert values is not None
     covered = values[..., 2]

@@ -10,15 +10,14 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from clpeel.blending import DEFAULT_PRECISION, PRECISION, precision_define
+from clpeel.camera import length_of
 from clpeel.composite import Finished, Picture
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.projection import Triangles
 from clpeel.scene import checked_rgb
-from clpeel.techniques.thickness import maps_of, measure
+from clpeel.techniques.thickness import device_scale, maps_of, measure
 
 SUMMARY = "surfaces with a light behind them, which comes through where they are thin"
 OPTIONS = ("variant", "sigma", "light_color", PRECISION)
@@ -37,7 +36,7 @@ def extinction(triangles: Triangles, sigma: Any) -> float:
     """sigma, a scene unit, as given or OPTICAL_DIAGONAL over the scene's diagonal; or InputError."""
     if sigma is None:
         low, high = triangles.scene.scene.bounds
-        return OPTICAL_DIAGONAL / (float(np.linalg.norm(high - low)) or 1.0)
+        return OPTICAL_DIAGONAL / (length_of(high - low) or 1.0)
     try:
         value = float(sigma)
     except (TypeError, ValueError):
@@ -53,11 +52,16 @@ def draw(
     *arguments: Any,
     variant: str = "exact",
     sigma: float | None = None,
-    light_color: Sequence[float] = LIGHT_COLOR,
+    light_color: Sequence[float] | str = LIGHT_COLOR,
     precision: str = DEFAULT_PRECISION,
 ) -> Drawn:
     """Draws a batch of tiles. Raises InputError where an option cannot be."""
-    parameters = extinction(triangles, sigma), *checked_rgb("light_color", light_color), REFLECTANCE
+    # Of the device's units, in which it finds lengths.
+    parameters = (
+        extinction(triangles, sigma) / device_scale(triangles),
+        *checked_rgb("light_color", light_color),
+        REFLECTANCE,
+    )
     constants = precision_define(precision)
     return measure("techniques/translucency.cl", variant, False, parameters, gpu, triangles, *arguments, **constants)
 
@@ -66,5 +70,5 @@ def finish(
     picture: Picture, triangles: Triangles, background: Any, *, sigma: float | None = None, **options: Any
 ) -> Finished:
     """The maps; the picture is as it was drawn."""
-    maps, stats = maps_of(picture)
+    maps, stats = maps_of(picture, 1 / device_scale(triangles))
     return Finished(picture.image, picture.color, maps, {**stats, "sigma": extinction(triangles, sigma)})
