@@ -404,7 +404,7 @@ def compare(
     budgets: Iterable[int] = (),
     frames: int = 5,
     *,
-    background: Sequence[float] = (1, 1, 1),
+    background: Sequence[float] | str = (1, 1, 1),
     lighting: str = "none",
     opaque: str = "first",
     memory: int | str | None = None,
@@ -470,11 +470,13 @@ def compare(
         device=result.stats["device"],
         lanes=result.stats["lanes"],
     )
+    notes = [note for note in result.stats["notes"] if note not in scene.notes]
     del result
     done = 1
     right, right_image = shown(truth, over), comparison.truth_image()
     left_out = [name for name, made in TECHNIQUES.items() if made.maps and techniques is None]
-    notes = [f"left out, as they make maps and not this picture: {', '.join(left_out)}"] if left_out else []
+    if left_out:
+        notes.append(f"left out, as they make maps and not this picture: {', '.join(left_out)}")
 
     def measure(trial: _Trial, number: int) -> None:
         nonlocal done

@@ -150,7 +150,7 @@ class Complexity:
             "techniques": [asdict(need) for need in self.needs],
         }
 
-    def image(self, background: Sequence[float] | None = (1, 1, 1), scale_bar: bool = True) -> NDArray[np.uint8]:
+    def image(self, background: Sequence[float] | str | None = (1, 1, 1), scale_bar: bool = True) -> NDArray[np.uint8]:
         """The layers in colours, 0 to the most (at least 1), where a pixel is covered: uint8 [height, width, 4].
 
         background: 3 numbers 0..1, or None for a transparent one, else InputError. scale_bar: in the emptiest corner,
@@ -195,7 +195,7 @@ def complexity(
     all; memory: bytes, or text such as "512M"; device, lanes; progress: called with the share done (0..1) and a text.
     Raises InputError on any of these that cannot be.
     """
-    gpu = Renderer(scene, device, lanes).gpu
+    renderer = Renderer(scene, device, lanes)
     size = checked_size(size)
     if lighting not in LIGHTINGS:
         raise InputError(f"lighting: expected one of {', '.join(LIGHTINGS)}; got {lighting!r}")
@@ -207,16 +207,17 @@ def complexity(
         camera = Camera.frame(scene, aspect=size[0] / size[1])
     report = progress or (lambda done, text: None)
     report(0.0, "uploading")
-    on_device = upload(gpu, scene)
-    told = None if progress is None else lambda done: report(done, "counting")
-    counted = count_layers(gpu, on_device, camera, size, opaque == "first", limit, told)
-    if counted.seconds < SOON:
-        again = count_layers(gpu, on_device, camera, size, opaque == "first", limit, told)
-        counted = replace(
-            counted,
-            setup_seconds=min(counted.setup_seconds, again.setup_seconds),
-            walk_seconds=min(counted.walk_seconds, again.walk_seconds),
-        )
+    with renderer.working():
+        on_device = upload(renderer.gpu, scene)
+        told = None if progress is None else lambda done: report(done, "counting")
+        counted = count_layers(renderer.gpu, on_device, camera, size, opaque == "first", limit, told)
+        if counted.seconds < SOON:
+            again = count_layers(renderer.gpu, on_device, camera, size, opaque == "first", limit, told)
+            counted = replace(
+                counted,
+                setup_seconds=min(counted.setup_seconds, again.setup_seconds),
+                walk_seconds=min(counted.walk_seconds, again.walk_seconds),
+            )
     report(1.0, "done")
     shaded = replace(counted.tiles.features, headlight=lighting != "none").fragment_color
     needs = tuple(need_of(name, counted, shaded) for name in TECHNIQUES)

@@ -5,26 +5,33 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import wraps
 from itertools import chain
-from typing import Any
+from threading import Lock, get_ident
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.auto import choose
 from clpeel.binning import BATCH_SHARE, Batch, bin_triangles
+from clpeel.blank import why_blank
 from clpeel.blending import DEFAULT_PRECISION, PRECISION, blending_bound
+from clpeel.building import at_work, keep
+from clpeel.cache import take_notes
 from clpeel.camera import Camera
 from clpeel.composite import Finished, Picture
-from clpeel.device import Gpu, open_device
+from clpeel.device import Gpu, check_process, open_device
 from clpeel.draw import Drawn
 from clpeel.errors import InputError
 from clpeel.image import save_png
 from clpeel.layers import STAGE as LAYERS_STAGE
 from clpeel.layers import Layers, find_layers
 from clpeel.layout import COLOR_BYTES, DEPTH_FORMATS, FLOAT32_REVERSED, FRAGMENT_BYTES, MAX_SIDE
+from clpeel.lengths import Lengths
 from clpeel.memory import MIN_MEMORY, MOST_LISTED, parse_memory
 from clpeel.normals import with_normals
 from clpeel.opaque import draw_opaque, opaque_bytes
@@ -90,6 +97,8 @@ class Result:
 
     def map(self, name: str) -> NDArray[Any]:
         """The map of that name, [height, width]. Raises InputError where the technique makes none."""
+        if name == ERROR_BOUND:
+            return self.error_bound
         if name not in self.maps:
             raise InputError(
                 f"{name}: expected a result of a technique that makes this map ({', '.join(with_map(name))}), "
@@ -98,8 +107,11 @@ class Result:
         return self.maps[name]
 
     @property
-    def thickness(self) -> NDArray[np.float32]:
-        """float32 [height, width], scene units unless `projected`: the mean of a pixel's samples, 0 for empty ones."""
+    def thickness(self) -> Lengths:
+        """float32 [height, width], scene units unless `projected`: the mean of a pixel's samples, 0 for empty ones.
+
+        float64 where a scene is so large or small that float32 cannot hold them.
+        """
         return self.map("thickness")
 
     @property
@@ -115,11 +127,36 @@ class Result:
         samples, 0 where nothing was. Rounding adds what clpeel.blending.blending_bound says of the most layers of a
         sample, with an opaque one: 3 N + 4 roundings of 2^-24, and more where `precision` is coarser.
         """
-        return np.minimum(self.map(ERROR_BOUND) + np.float32(self._rounding), np.float32(1))
+        if ERROR_BOUND not in self.maps:
+            having = with_map(ERROR_BOUND)
+            wanted, came = f"a technique that has it ({', '.join(having)})", self.stats["technique"]
+            if came in having:
+                wanted, came = "max_error=...", "none"
+            raise InputError(f"error_bound: expected a result rendered with {wanted}, got {came}")
+        return np.minimum(self.maps[ERROR_BOUND] + np.float32(self._rounding), np.float32(1))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the image as a PNG, whole or not at all. Raises InputError when the place cannot be written."""
+        """Writes the image as a PNG, whole or not at all; through a link, if path is one.
+
+        Raises InputError when the place cannot be written, or its name ends in what is not .png.
+        """
         save_png(path, self.image)
+
+
+_Method = TypeVar("_Method", bound=Callable[..., Result])
+
+
+def _in_turn(method: _Method) -> _Method:
+    """A Renderer's method that one thread runs at a time; its result has the notes of what was compiled meanwhile."""
+
+    @wraps(method)
+    def taken_in_turn(self: Renderer, *arguments: Any, **options: Any) -> Result:
+        with self.working():
+            result = method(self, *arguments, **options)
+        result.stats["notes"] += take_notes()
+        return result
+
+    return cast(_Method, taken_in_turn)
 
 
 class Renderer:
@@ -133,6 +170,28 @@ class Renderer:
         self.gpu: Gpu = open_device(device, lanes)
         self._uploaded: dict[str, DeviceScene] = {}
         self._pictures: list[Picture] = []
+        self._at_work: int | None = None  # the thread that is making a picture
+        self._turn = Lock()
+
+    @contextmanager
+    def working(self) -> Iterator[None]:
+        """While something is made on the device: a renderer's buffers hold one picture at a time.
+
+        Other threads wait for their turn. Raises DeviceError in a process forked from one that has used OpenCL, and
+        InputError in a thread that is within already, as a `progress` would be that renders.
+        """
+        check_process()  # before the lock, which a thread may have held that a fork has left behind
+        if self._at_work == get_ident():
+            raise InputError(
+                "render: expected no picture of this Renderer under way in this thread; make another Renderer"
+            )
+        with self._turn, at_work(self.gpu.queue):
+            self._at_work = get_ident()
+            try:
+                yield
+            finally:
+                self._at_work = None
+        keep()
 
     def _on_device(self, lighting: str) -> DeviceScene:
         if lighting not in LIGHTINGS:
@@ -151,12 +210,13 @@ class Renderer:
         self._pictures.append(Picture(self.gpu, size, keep_color, numbers))
         return self._pictures[-1]
 
+    @_in_turn
     def render(
         self,
         camera: Camera | None = None,
         size: tuple[int, int] = (1024, 1024),
         technique: str = "sort",
-        background: Sequence[float] | None = (1, 1, 1),
+        background: Sequence[float] | str | None = (1, 1, 1),
         lighting: str = "none",
         *,
         samples: int = 1,
@@ -171,17 +231,19 @@ class Renderer:
         """Renders the scene.
 
         camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
-        `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, or None for straight alpha. lighting: "none"
-        (colours as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged, for smooth edges. memory:
-        bytes, or text such as "512M", that the scene and all buffers but the picture may take on the device; by default
-        the scene and a quarter of what it leaves. keep_color: whether the result has `color`. layers: whether it has
-        `layers`, those that the technique peels; of one sample a pixel, and not of techniques that do not sort. opaque:
-        "first" fills colour and depth with the surfaces whose alpha is 1 and draws the others in front of them alone;
-        "blend" takes them as any other. depth_format: what is kept of depths: "float32-reversed", or window depths as
-        "float32", in 24 bits, "unorm24", or four bytes, "rgba8"; surfaces closer than it can tell are coincident then.
+        `clpeel.techniques.TECHNIQUES`. background: 3 numbers 0..1, text such as "white", or None for straight alpha.
+        lighting: "none" (colours as given) or "headlight". samples: 1, 4, 16, 64 or 256 a pixel, averaged, for smooth
+        edges. memory: bytes, or text such as "512M", that the scene and all buffers but the picture may take on the
+        device; by default the scene and a quarter of what it leaves. keep_color: whether the result has `color`.
+        layers: whether it has `layers`, those that the technique peels; of one sample a pixel, and not of techniques
+        that do not sort. opaque: "first" fills colour and depth with the surfaces whose alpha is 1 and draws the others
+        in front of them alone; "blend" takes them as any other. depth_format: what is kept of depths:
+        "float32-reversed", or window depths as "float32", in 24 bits, "unorm24", or four bytes, "rgba8"; surfaces
+        closer than it can tell are coincident then.
         progress: called with the share done (0..1) and a text. options: those that the technique has besides (its
         `options`), of which all that blend have precision: of the buffers that they blend into, "float32", "half" or
-        "unorm8" (clpeel.blending). Raises InputError on any of these that cannot be.
+        "unorm8" (clpeel.blending). Threads may share a Renderer: they take turns. Raises InputError on any of these
+        that cannot be, and DeviceError in a process that was forked from one that has used OpenCL.
         """
         started = time.perf_counter()
         gpu = self.gpu
@@ -302,6 +364,10 @@ class Renderer:
             "notes": list(self.scene.notes),
             **finished.stats,
         }
+        covered = stats["fragments"] + stats["opaque_samples"]
+        blank = why_blank(finished.image, over, self.scene, camera, covered, triangles.discarded)
+        if blank is not None:
+            stats["notes"].append(blank)
         if choice is not None:
             stats["auto"] = {
                 "max_error": choice.max_error,
@@ -338,7 +404,7 @@ def render(
     camera: Camera | None = None,
     size: tuple[int, int] = (1024, 1024),
     technique: str = "sort",
-    background: Sequence[float] | None = (1, 1, 1),
+    background: Sequence[float] | str | None = (1, 1, 1),
     lighting: str = "none",
     *,
     device: int | str | None = None,
