@@ -32,12 +32,14 @@ def _hashes(points: NDArray[np.float64]) -> NDArray[np.uint64]:
     """A number a point, equal where the points are equal, and elsewhere but for chance not, nor the sums of three."""
     x, y, z = np.ascontiguousarray(points).view(np.uint64).T
     mixed = x * _ODD[0]
-    mixed += y * _ODD[1]
-    mixed += z * _ODD[2]
+    # Spread before the next is added: signs are the highest bits, and two that change would cancel out.
+    for part, odd in ((y, _ODD[1]), (z, _ODD[2])):
+        mixed ^= mixed >> np.uint64(32)
+        mixed += part
+        mixed *= odd
     mixed ^= mixed >> np.uint64(32)
     mixed *= _ODD[3]
     mixed ^= mixed >> np.uint64(32)
-    mixed *= _ODD[0]
     return mixed
 
 

@@ -9,7 +9,8 @@ _BACKWARDS = re.compile(rb"^[ \t]*f[ \t][^\n]*[ \t/]-\d", re.MULTILINE)
 
 def with_absolute_indices(data: bytes) -> bytes:
     """The OBJ file's data with no negative index in its faces: trimesh counts those back from the end of the file."""
-    if not _BACKWARDS.search(data):
+    start = _first_face(data)
+    if data.find(b"-", start) < 0 or not _BACKWARDS.search(data, start):  # most files have none, which is seen at once
         return data
     counts = {b"v": 0, b"vt": 0, b"vn": 0}
     lines = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines()
@@ -24,6 +25,14 @@ def with_absolute_indices(data: bytes) -> bytes:
                 for corner in corners
             )
     return b"\n".join(lines)
+
+
+def _first_face(data: bytes) -> int:
+    """Where the first face may begin; the start of the file where lines are indented."""
+    if data[:1] in (b"f", b" ", b"\t") or b"\n " in data or b"\n\t" in data:
+        return 0
+    at = data.find(b"\nf")
+    return len(data) if at < 0 else at
 
 
 def _absolute(index: bytes, count: int) -> bytes:

@@ -48,6 +48,15 @@ def test_hashes_that_collide_change_nothing(vertices: np.ndarray, seed: int) -> 
         assert duplicates(vertices, faces).tolist() == by_hand(vertices, faces)
 
 
+def test_mirrored_points_have_hashes_of_their_own() -> None:
+    """Symmetric meshes have many: where their hashes were equal, all their faces would be compared one with another."""
+    rng = np.random.default_rng(8)
+    signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+    points = (rng.uniform(0.1, 1, (50, 1, 3)) * signs).reshape(-1, 3)
+    turned = np.concatenate([points[:, [0, 1, 2]], points[:, [1, 2, 0]], points[:, [2, 0, 1]]])
+    assert len(np.unique(clpeel.duplicates._hashes(turned))) == len(turned) == 1200
+
+
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]], dtype=np.float64)
 FACES = np.array([[0, 1, 2], [1, 3, 2], [2, 0, 4], [3, 2, 1], [0, 1, 3]])
 
