@@ -223,7 +223,7 @@ class Camera:
         extent = farthest - nearest
         if not self.orthographic:
             near = max(min(near, 2 * farthest), farthest * NEAREST_DEPTH)
-            return near, max(far, 2 * near)
+            return near, far if far > near else 2 * near
         if extent / least_share >= far - near:
             return near, max(far, near + extent * THINNEST_SLICE)
         if near > farthest:  # nothing is drawn, which any range behind the scene says that float32 holds
