@@ -515,6 +515,7 @@ def _run_complexity(options: argparse.Namespace) -> int:
         raise InputError(f"--opaque: expected first or blend, got '{options.opaque}'")
 
     import clpeel
+    from clpeel.cache import take_notes
     from clpeel.device import choose
     from clpeel.image import encode_png
     from clpeel.memory import parse_memory
@@ -552,7 +553,7 @@ def _run_complexity(options: argparse.Namespace) -> int:
     finally:
         progress.clear()
     if not options.quiet:
-        _say_notes(scene.notes)
+        _say_notes((*scene.notes, *take_notes()))
         _print(format_complexity(found.figures()), aside=output == "-")
         if output != "-":
             width, height = options.resolution

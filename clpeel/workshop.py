@@ -14,7 +14,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
 from threading import Lock
@@ -52,7 +52,10 @@ def drivers_start() -> Iterator[None]:
 @cache
 def folder() -> Path:
     """The workshop's folder, which goes when the process ends. Raises DeviceError where there is room for none."""
-    tried = dict.fromkeys((tempfile.gettempdir(), "/var/tmp", "/dev/shm", os.path.expanduser("~")))
+    places = ["/var/tmp", "/dev/shm", os.path.expanduser("~")]
+    with suppress(FileNotFoundError):  # where nothing can be written
+        places.insert(0, tempfile.gettempdir())
+    tried = dict.fromkeys(places)
     for place in tried:
         if _has_room(place):
             try:
@@ -91,7 +94,7 @@ def _has_room(place: str) -> bool:
 def check_room() -> None:
     """Raises DeviceError where the workshop's disk has become full: the compiler would end the process."""
     if not _has_room(str(folder())):
-        raise DeviceError(f"compiling kernels: expected {ROOM >> 20} MiB free in '{folder()}', got less; make room")
+        raise DeviceError(f"compiling kernels: expected '{folder()}' with {ROOM >> 20} MiB free, got less; make room")
 
 
 def programs() -> frozenset[str]:

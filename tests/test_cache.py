@@ -179,7 +179,7 @@ def test_nothing_is_compiled_again(tmp_path: Path) -> None:
 def test_no_room_to_compile_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     assert workshop.folder().is_dir()
     monkeypatch.setattr(workshop, "ROOM", 1 << 62)
-    with pytest.raises(RuntimeError, match=r"expected \d+ MiB free in '.*', got less; make room"):
+    with pytest.raises(RuntimeError, match=r"expected '.*' with \d+ MiB free, got less; make room"):
         workshop.check_room()
 
 
