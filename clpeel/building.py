@@ -87,16 +87,13 @@ def _build_in_workshop(context: cl.Context, text: str, options: Sequence[str], c
     """As build, by PoCL, which finds in the workshop what is unpacked there and puts there what it compiles."""
     workshop.check_room()
     before = workshop.programs()
-    kept = cache.read(key)
-    if kept is not None:
-        workshop.unpack(kept)
-    unpacked = workshop.programs() - before
+    data = cache.read(key)
+    kept = frozenset[str]() if data is None else workshop.unpack(data)
     program = _compile(context, text, options)
     folders = workshop.programs() - before
-    files = frozenset[str]().union(*(workshop.files_of(folder) for folder in unpacked))
     if not _built:
         workshop.at_exit(_keep_all)  # before the workshop goes, which was there first
-    _built.append(_Built(cache, key, folders, files))
+    _built.append(_Built(cache, key, folders, kept))
     _new.append(_built[-1])
     return program
 

@@ -8,7 +8,6 @@ not read, and is written anew. Where nothing can be kept, kernels are compiled e
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 import shutil
@@ -103,9 +102,7 @@ def _digest(texts: Sequence[str]) -> str:
 
 def _manifest(payload: bytes) -> bytes:
     """The line that a file begins with."""
-    return json.dumps(
-        {"format": _FORMAT, "bytes": len(payload), "sha256": hashlib.sha256(payload).hexdigest()}
-    ).encode()
+    return f"clpeel kernels {_FORMAT}, {len(payload)} bytes, SHA-256 {hashlib.sha256(payload).hexdigest()}".encode()
 
 
 def _processor() -> str:

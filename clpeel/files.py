@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import secrets
 import shutil
 import stat
 from collections.abc import Callable, Iterator
@@ -189,7 +188,7 @@ def _new_part(folder: str) -> str:
         for name in os.listdir(folder):
             if _PART.fullmatch(name):
                 _remove_left(os.path.join(folder, name))
-    return os.path.join(folder, f".clpeel-{secrets.token_hex(8)}.part")
+    return os.path.join(folder, f".clpeel-{os.urandom(8).hex()}.part")
 
 
 def _remove_left(part: str) -> None:

@@ -14,7 +14,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache, partial
 from pathlib import Path
 from threading import Lock
@@ -25,8 +25,8 @@ from clpeel.files import held_folder
 ROOM = 64 << 20
 """Bytes that must be free: the largest program takes less than 1 MiB, and a compiler that runs out of space aborts."""
 
-_KEPT = ("program.bc", "*/*/*.so")
-"""Of a program's folder: the program, and the kernels as compiled for sizes of work-groups."""
+_PROGRAM, _KERNELS = "program.bc", ".so"
+"""What is kept of a program's folder: the program, and its kernels as compiled for sizes of work-groups."""
 
 _starting = Lock()
 
@@ -51,11 +51,11 @@ def drivers_start() -> Iterator[None]:
 
 @cache
 def folder() -> Path:
-    """The workshop's folder, which goes when the process ends. Raises DeviceError where there is room for none."""
-    places = ["/var/tmp", "/dev/shm", os.path.expanduser("~")]
-    with suppress(FileNotFoundError):  # where nothing can be written
-        places.insert(0, tempfile.gettempdir())
-    tried = dict.fromkeys(places)
+    """The workshop's folder, which goes when the process ends. Raises DeviceError where there is room for none.
+
+    In memory, unless TMPDIR says where: files that live so shortly cost a disk more than they are worth.
+    """
+    tried = dict.fromkeys((os.environ.get("TMPDIR", "/dev/shm"), *_temporary(), "/var/tmp", os.path.expanduser("~")))
     for place in tried:
         if _has_room(place):
             try:
@@ -68,6 +68,14 @@ def folder() -> Path:
         f"compiling kernels: expected a folder with {ROOM >> 20} MiB free, found none of {', '.join(tried)}; "
         "make room, or name another in TMPDIR"
     )
+
+
+def _temporary() -> list[str]:
+    """The system's folder for what is temporary; none where nothing can be written anywhere."""
+    try:
+        return [tempfile.gettempdir()]
+    except FileNotFoundError:
+        return []
 
 
 def at_exit(do: Callable[[], object]) -> None:
@@ -109,8 +117,13 @@ def programs() -> frozenset[str]:
 
 def files_of(program: str) -> frozenset[str]:
     """The files that make up a program, by their names within the workshop."""
-    top = folder()
-    return frozenset(str(file.relative_to(top)) for kept in _KEPT for file in (top / program).glob(kept))
+    top = str(folder())
+    return frozenset(
+        os.path.relpath(os.path.join(at, name), top)
+        for at, _, names in os.walk(os.path.join(top, program))
+        for name in names
+        if name == _PROGRAM or name.endswith(_KERNELS)
+    )
 
 
 def packed(files: frozenset[str]) -> bytes:
@@ -122,11 +135,15 @@ def packed(files: frozenset[str]) -> bytes:
     return data.getvalue()
 
 
-def unpack(data: bytes) -> None:
-    """Puts packed files back where they were; those that are there stay, as their code may be running."""
+def unpack(data: bytes) -> frozenset[str]:
+    """Puts packed files back where they were, and returns their names; those that are there stay, as code may run."""
+    top = str(folder())
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        for name in archive.namelist():
-            path = folder() / name
-            if not path.exists():
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(archive.read(name))
+        names = archive.namelist()
+        for name in names:
+            path = os.path.join(top, name)
+            if not os.path.exists(path):
+                os.makedirs(os.path.dirname(path), exist_ok=True)
+                with open(path, "wb") as file:
+                    file.write(archive.read(name))
+    return frozenset(names)
