@@ -12,13 +12,14 @@ import os
 import re
 import shutil
 from collections.abc import Sequence
+from functools import cache as remembered
 from pathlib import Path
 
 import clpeel
 from clpeel.errors import InputError
-from clpeel.files import write_whole
+from clpeel.files import open_at_once, write_whole
 
-_FORMAT = 1
+_FORMAT = "1"  # of the files: part of their folder's name, so that those of another are not taken for damaged
 _SUFFIX = ".kernels"
 _PROCESSOR_BYTES = 1 << 14  # of /proc/cpuinfo: the first processor's, whose abilities are all's
 
@@ -54,7 +55,7 @@ class Cache:
         """device: texts that tell it from all others; the first two are for people to read."""
         told = (clpeel.__version__, *device, _processor())
         readable = "-".join(re.sub(r"[^\w.]+", "-", text).strip("-")[:40] for text in told[:3])
-        self.folder = root() / f"{readable}-{_digest(told)[:16]}"
+        self.folder = root() / f"{readable}-{key_of(_FORMAT, *told)[:16]}"
 
     def _file(self, key: str) -> Path:
         return self.folder / f"{key}{_SUFFIX}"
@@ -62,7 +63,7 @@ class Cache:
     def read(self, key: str) -> bytes | None:
         """What was kept under the key (`key_of`); None where there is nothing, or what there is has been damaged."""
         try:
-            with open(self._file(key), "rb", opener=_open_at_once) as file:
+            with open(self._file(key), "rb", opener=open_at_once) as file:
                 manifest, _, payload = file.read().partition(b"\n")
         except OSError:  # no such file, or no such folder, or none that can be read: write will tell
             return None
@@ -86,25 +87,17 @@ class Cache:
             note(f"compiled kernels cannot be kept in '{self.folder}', so each run compiles them: {reason}")
 
 
-def _open_at_once(path: str, flags: int) -> int:
-    """Opens a file without waiting for anybody, as a pipe of that name would."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
-
-
 def key_of(*texts: str) -> str:
     """The name to keep something under that depends on these texts alone."""
-    return _digest(texts)
-
-
-def _digest(texts: Sequence[str]) -> str:
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()
 
 
 def _manifest(payload: bytes) -> bytes:
     """The line that a file begins with."""
-    return f"clpeel kernels {_FORMAT}, {len(payload)} bytes, SHA-256 {hashlib.sha256(payload).hexdigest()}".encode()
+    return f"clpeel kernels, {len(payload)} bytes, SHA-256 {hashlib.sha256(payload).hexdigest()}".encode()
 
 
+@remembered
 def _processor() -> str:
     """What the processor can do: code compiled for one that can more must not run on one that can less."""
     try:

@@ -8,6 +8,7 @@ import os
 import stat
 from urllib.parse import unquote, unquote_to_bytes
 
+from clpeel.files import open_at_once
 from clpeel.signatures import looks_like
 
 
@@ -61,7 +62,7 @@ class Companions:
 
 def _regular(path: str) -> bytes:
     """A regular file's bytes; opening does not wait should it have become a pipe meanwhile."""
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NONBLOCK", 0))) as file:
+    with open(path, "rb", opener=open_at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise ValueError("not a regular file")
         return file.read()

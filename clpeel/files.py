@@ -239,6 +239,14 @@ def _remove(part: str) -> None:
         shutil.rmtree(part, ignore_errors=True)
 
 
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+def open_at_once(path: str, flags: int) -> int:
+    """What `open` takes as its opener, to wait for nobody: a file that another names may be a pipe."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
 # --- folders of this process alone ------------------------------------------------------------------------------------
 
 

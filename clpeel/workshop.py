@@ -51,8 +51,11 @@ def drivers_start() -> Iterator[None]:
 
 @cache
 def folder() -> Path:
-    """The workshop's folder, which goes when the process ends. Raises DeviceError where there is room for none."""
-    tried = dict.fromkeys((*_temporary(), "/var/tmp", "/dev/shm", os.path.expanduser("~")))
+    """The workshop's folder, which goes when the process ends. Raises DeviceError where there is room for none.
+
+    In memory, unless TMPDIR says where: files that live so shortly cost a disk more than they are worth.
+    """
+    tried = dict.fromkeys((os.environ.get("TMPDIR", "/dev/shm"), *_temporary(), "/var/tmp", os.path.expanduser("~")))
     for place in tried:
         if _has_room(place):
             try:

@@ -70,11 +70,13 @@ def test_another_device_or_driver_has_a_folder_of_its_own(other: tuple[str, ...]
     assert Cache(other).read("a") is None
 
 
-@pytest.mark.parametrize("what", ["version", "processor"])
+@pytest.mark.parametrize("what", ["version", "format", "processor"])
 def test_another_version_or_processor_has_a_folder_of_its_own(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     Cache(DEVICE).write("a", b"one")
     if what == "version":
         monkeypatch.setattr("clpeel.__version__", "0.0.0")
+    elif what == "format":
+        monkeypatch.setattr(cache, "_FORMAT", "0")
     else:
         monkeypatch.setattr(cache, "_processor", lambda: "flags: avx512f")
     assert Cache(DEVICE).read("a") is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -114,12 +114,12 @@ def test_a_forked_child_says_what_to_do(scene: clpeel.Scene, busy: bool) -> None
 @needs_fork
 def test_workers_that_are_forked_fail_and_do_not_hang(scene: clpeel.Scene) -> None:
     clpeel.render(scene, size=SIZE)
-    with multiprocessing.get_context("fork").Pool(1) as pool, pytest.raises(DeviceError, match="spawn"):
-        pool.apply_async(clpeel.render, (scene,), {"size": SIZE}).get(60)
+    with ProcessPoolExecutor(1, multiprocessing.get_context("fork")) as pool, pytest.raises(DeviceError, match="spawn"):
+        pool.submit(clpeel.render, scene, size=SIZE).result(60)
 
 
 def test_workers_that_are_spawned_render(scene: clpeel.Scene) -> None:
     want = clpeel.render(scene, size=SIZE).image
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        got = pool.apply_async(clpeel.render, (scene,), {"size": SIZE}).get(120)
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        got = pool.submit(clpeel.render, scene, size=SIZE).result(120)
     np.testing.assert_array_equal(got.image, want)
