@@ -37,8 +37,8 @@ def writer(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
 def largest_file(size: int) -> Iterator[None]:
     """Writing more than that into a file fails, as on a full disk.
 
-    The signal that comes with it is ignored, as Python does. A driver's compiler may have put a handler of its own there,
-    which brings back older handlers of all signals: SIGTERM might then end no process any more.
+    The signal that comes with it is ignored, as Python does. A driver's compiler may have put a handler of its own
+    there, which brings back older handlers of all signals: SIGTERM might then end no process any more.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
