@@ -6,43 +6,43 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from clpeel.camera import Camera as Camera
-    from clpeel.comparison import Comparison as Comparison
-    from clpeel.comparison import Interrupted as Interrupted
-    from clpeel.comparison import compare as compare
-    from clpeel.depth_complexity import Complexity as Complexity
-    from clpeel.depth_complexity import complexity as complexity
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
     from clpeel.errors import NoDeviceError as NoDeviceError
-    from clpeel.layers import Layers as Layers
-    from clpeel.layers import load_layers as load_layers
-    from clpeel.loading import load as load
-    from clpeel.renderer import Renderer as Renderer
-    from clpeel.renderer import Result as Result
-    from clpeel.renderer import render as render
-    from clpeel.scene import Scene as Scene
+    from clpeel.reading.load import load as load
+    from clpeel.rendering.renderer import Renderer as Renderer
+    from clpeel.rendering.renderer import Result as Result
+    from clpeel.rendering.renderer import render as render
+    from clpeel.scene.camera import Camera as Camera
+    from clpeel.scene.scene import Scene as Scene
+    from clpeel.stages.find_layers import Layers as Layers
+    from clpeel.stages.find_layers import load_layers as load_layers
+    from clpeel.study.comparison import Comparison as Comparison
+    from clpeel.study.comparison import Interrupted as Interrupted
+    from clpeel.study.comparison import compare as compare
+    from clpeel.study.complexity import Complexity as Complexity
+    from clpeel.study.complexity import complexity as complexity
 
 __version__ = "0.1.0"
 
 # Imported when first asked for: `clpeel --help` needs neither NumPy nor OpenCL.
 _HOMES = {
-    "Camera": "clpeel.camera",
+    "Camera": "clpeel.scene.camera",
     "ClpeelError": "clpeel.errors",
-    "Comparison": "clpeel.comparison",
-    "Complexity": "clpeel.depth_complexity",
+    "Comparison": "clpeel.study.comparison",
+    "Complexity": "clpeel.study.complexity",
     "InputError": "clpeel.errors",
-    "Interrupted": "clpeel.comparison",
-    "Layers": "clpeel.layers",
+    "Interrupted": "clpeel.study.comparison",
+    "Layers": "clpeel.stages.find_layers",
     "NoDeviceError": "clpeel.errors",
-    "Renderer": "clpeel.renderer",
-    "Result": "clpeel.renderer",
-    "Scene": "clpeel.scene",
-    "compare": "clpeel.comparison",
-    "complexity": "clpeel.depth_complexity",
-    "load": "clpeel.loading",
-    "load_layers": "clpeel.layers",
-    "render": "clpeel.renderer",
+    "Renderer": "clpeel.rendering.renderer",
+    "Result": "clpeel.rendering.renderer",
+    "Scene": "clpeel.scene.scene",
+    "compare": "clpeel.study.comparison",
+    "complexity": "clpeel.study.complexity",
+    "load": "clpeel.reading.load",
+    "load_layers": "clpeel.stages.find_layers",
+    "render": "clpeel.rendering.renderer",
 }
 
 __all__ = ["__version__", *_HOMES]

@@ -2,6 +2,6 @@
 
 import sys
 
-from clpeel.cli import main
+from clpeel.command.main import main
 
 sys.exit(main())

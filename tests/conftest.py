@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import reference
-import soups
 from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
+from twins import reference, soups
 
 # Kernels may be compiled within an example, so no deadline; the function-scoped `lanes` and `judge` keep no state.
 settings.register_profile(
@@ -36,7 +35,7 @@ def lanes(request: pytest.FixtureRequest) -> int:
 @pytest.fixture(scope="session")
 def opened() -> Callable[..., Any]:
     """clpeel's open_device, but each device is opened, and each kernel built, once for all tests."""
-    from clpeel.device import open_device
+    from clpeel.device.devices import open_device
 
     return cache(open_device)
 
@@ -44,9 +43,9 @@ def opened() -> Callable[..., Any]:
 @pytest.fixture
 def shared_devices(opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets a test use devices that other tests have used: faster, and nothing that was left there may show."""
-    import clpeel.renderer
+    import clpeel.rendering.renderer
 
-    monkeypatch.setattr(clpeel.renderer, "open_device", opened)
+    monkeypatch.setattr(clpeel.rendering.renderer, "open_device", opened)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from clpeel.program import kernel_folder
+from clpeel.device.program import kernel_folder
 from clpeel.techniques import TECHNIQUES
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"

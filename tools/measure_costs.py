@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import clpeel
-from clpeel import costs
-from clpeel.counting import Counted, count_layers
-from clpeel.demo import DIRECTION, ZOOM, demo_scene
-from clpeel.estimates import estimated_seconds, work_of
-from clpeel.projection import upload
+from clpeel.rendering import costs
+from clpeel.rendering.estimates import estimated_seconds, work_of
+from clpeel.scene.demo import DIRECTION, ZOOM, demo_scene
+from clpeel.stages.counting import Counted, count_layers
+from clpeel.stages.projection import upload
 from clpeel.techniques import TECHNIQUES, Technique, labelled
 
 REPEATS = 8

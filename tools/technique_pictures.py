@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import clpeel
-from clpeel.demo import DIRECTION, ZOOM, demo_scene
+from clpeel.scene.demo import DIRECTION, ZOOM, demo_scene
 from clpeel.techniques import TECHNIQUES
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "techniques"

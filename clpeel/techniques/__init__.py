@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from clpeel.binning import Batch
-from clpeel.blending import DEFAULT_PRECISION, PRECISION, check_precision
-from clpeel.composite import Finished
-from clpeel.device import Gpu
-from clpeel.draw import Drawn, slab_bytes
+from clpeel.device.devices import Gpu
+from clpeel.device.layout import Features
 from clpeel.errors import InputError
-from clpeel.layout import Features
-from clpeel.peel import check_peeling, totals_bytes
+from clpeel.stages.binning import Batch
+from clpeel.stages.composite import Finished
+from clpeel.stages.many_passes import check_peeling, totals_bytes
+from clpeel.stages.one_pass import Drawn, slab_bytes
 from clpeel.techniques import (
     depth_peeling,
     dual_depth_peeling,
@@ -26,6 +25,7 @@ from clpeel.techniques import (
     weighted_average,
     weighted_sum,
 )
+from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISION, check_precision
 
 LAYERS = "layers"
 """Option of all that know a pixel's layers, front to back: gives these besides the picture (layers.py)."""

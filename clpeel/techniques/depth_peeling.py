@@ -8,8 +8,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from clpeel.layout import ALL_LAYERS
-from clpeel.peel import peel
+from clpeel.device.layout import ALL_LAYERS
+from clpeel.stages.many_passes import peel
 from clpeel.techniques import multi_layer_peeling
 
 SUMMARY = "exact: peels the nearest layer in each geometry pass; N layers take N passes"

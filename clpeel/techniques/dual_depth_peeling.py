@@ -8,9 +8,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from clpeel.blending import color_bytes
-from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
-from clpeel.peel import peel
+from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
+from clpeel.stages.many_passes import peel
+from clpeel.techniques.precision import color_bytes
 
 SUMMARY = "exact: peels the nearest and the farthest layer in each geometry pass; N layers take N / 2 + 1 passes"
 FIRST_PASSES = 1

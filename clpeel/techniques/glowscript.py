@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from clpeel.blending import DEFAULT_PRECISION, color_bytes
-from clpeel.draw import Drawn
-from clpeel.layout import FRAGMENT_BYTES
-from clpeel.peel import check_peeling, checked_count, peel
+from clpeel.device.layout import FRAGMENT_BYTES
+from clpeel.stages.many_passes import check_peeling, checked_count, peel
+from clpeel.stages.one_pass import Drawn
+from clpeel.techniques.precision import DEFAULT_PRECISION, color_bytes
 
 SUMMARY = (
     "the four foremost layers, or as many --passes as told, in front of opaque surfaces; what is behind is left out"

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from clpeel.blending import color_bytes
-from clpeel.draw import Drawn
+from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
 from clpeel.errors import InputError
-from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
-from clpeel.peel import check_peeling, checked_count, peel
+from clpeel.stages.many_passes import check_peeling, checked_count, peel
+from clpeel.stages.one_pass import Drawn
+from clpeel.techniques.precision import color_bytes
 
 SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
 MOST_LAYERS = 64

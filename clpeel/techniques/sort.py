@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from clpeel.binning import Batch
-from clpeel.blending import DEFAULT_PRECISION, check_precision, precision_define
-from clpeel.device import Gpu
-from clpeel.draw import Drawn, Report, bounded, checked_error, draw_once
-from clpeel.layout import ALL_LAYERS, FRAGMENT_BYTES
-from clpeel.projection import Triangles
+from clpeel.device.devices import Gpu
+from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
+from clpeel.stages.binning import Batch
+from clpeel.stages.one_pass import Drawn, Report, bounded, checked_error, draw_once
+from clpeel.stages.projection import Triangles
+from clpeel.techniques.precision import DEFAULT_PRECISION, check_precision, precision_define
 
 SUMMARY = "exact: sorts each pixel's fragments by depth, then blends them front to back"
 SCRATCH_BYTES = FRAGMENT_BYTES

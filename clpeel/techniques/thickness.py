@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.colormap import OUTSIDE, colors_at
-from clpeel.composite import Finished, Picture
-from clpeel.draw import Drawn, draw_once
+from clpeel.device.layout import FRAGMENT_BYTES
 from clpeel.errors import InputError
-from clpeel.layout import FRAGMENT_BYTES
-from clpeel.lengths import scaled
-from clpeel.peel import peel
-from clpeel.projection import Triangles
-from clpeel.scale_bar import draw_scale_bar
+from clpeel.pictures.colormap import OUTSIDE, colors_at
+from clpeel.pictures.lengths import scaled
+from clpeel.pictures.scale_bar import draw_scale_bar
+from clpeel.stages.composite import Finished, Picture
+from clpeel.stages.many_passes import peel
+from clpeel.stages.one_pass import Drawn, draw_once
+from clpeel.stages.projection import Triangles
 
 SUMMARY = "how far rays run through closed surfaces: a map in scene units, and its picture in colours with a scale bar"
 SCRATCH_BYTES = FRAGMENT_BYTES

@@ -10,13 +10,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from clpeel.blending import DEFAULT_PRECISION, PRECISION, precision_define
-from clpeel.camera import length_of
-from clpeel.composite import Finished, Picture
-from clpeel.draw import Drawn
 from clpeel.errors import InputError
-from clpeel.projection import Triangles
-from clpeel.scene import checked_rgb
+from clpeel.scene.camera import length_of
+from clpeel.scene.scene import checked_rgb
+from clpeel.stages.composite import Finished, Picture
+from clpeel.stages.one_pass import Drawn
+from clpeel.stages.projection import Triangles
+from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISION, precision_define
 from clpeel.techniques.thickness import device_scale, maps_of, measure
 
 SUMMARY = "surfaces with a light behind them, which comes through where they are thin"

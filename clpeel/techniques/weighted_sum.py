@@ -8,9 +8,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from clpeel.blending import DEFAULT_PRECISION, precision_define
-from clpeel.draw import Drawn, draw_once
-from clpeel.layout import FRAGMENT_BYTES
+from clpeel.device.layout import FRAGMENT_BYTES
+from clpeel.stages.one_pass import Drawn, draw_once
+from clpeel.techniques.precision import DEFAULT_PRECISION, precision_define
 
 SUMMARY = "fast, not exact: adds up the colours times their alphas in any order; right where alphas are small"
 

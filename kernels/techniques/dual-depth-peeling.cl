@@ -8,7 +8,7 @@
 // The first pass peels nothing: it finds the outermost layers. From then on two layers are peeled while the next two are
 // found, so that N layers take N / 2 + 1 passes, and (N + 1) / 2 + 1 where N is odd. Where both fronts meet, the fragment is
 // the front's.
-#include "peeling.h"
+#include "fragments/comparing.h"
 
 #define PEELED 2
 
@@ -90,4 +90,4 @@ INLINE void merge(const Buffers *b, Colors *merged)
     *merged = front;
 }
 
-#include "peel.h"
+#include "frames/many_passes.h"

@@ -6,7 +6,7 @@
 //   peel[k]     C1 .. C4: the colour and opacity of each peel
 //
 // The merge: C1.rgb C1.a + (1 - C1.a) (C2.rgb C2.a + (1 - C2.a) (C3.rgb C3.a + (1 - C3.a) (C4.rgb C4.a + (1 - C4.a) C0)))
-#include "peeling.h"
+#include "fragments/comparing.h"
 
 #define PEELED 1
 #define MOST_PEELS 4
@@ -72,4 +72,4 @@ INLINE void merge(const Buffers *b, Colors *merged)
     }
 }
 
-#include "peel.h"
+#include "frames/many_passes.h"

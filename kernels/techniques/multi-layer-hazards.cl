@@ -13,7 +13,7 @@
 //
 // That may go round in circles. What follows from a pixel's slots is always the same, so it does once they come back to what
 // they were: `kept` are those of pass 1, 2, 4, 8, ... (Brent 1980).
-#include "peeling.h"
+#include "fragments/comparing.h"
 
 #ifndef HAZARD_WINDOW
 #define LAYERS_A_PASS 8
@@ -158,4 +158,4 @@ INLINE void merge(const Buffers *b, Colors *merged)
     *merged = front;
 }
 
-#include "peel.h"
+#include "frames/many_passes.h"

@@ -7,7 +7,7 @@
 // One work-item owns a pixel, so that a fragment is inserted before the next one comes: nothing is lost to concurrent writes,
 // and a pass is never repeated. (Loops over the slots are unrolled by name: PoCL 3.0's compiler gets one of three slots wrong,
 // with strips of fewer than 16 pixels, where it has the choice.)
-#include "peeling.h"
+#include "fragments/comparing.h"
 
 #ifndef LAYERS_A_PASS
 #define LAYERS_A_PASS 8
@@ -81,4 +81,4 @@ INLINE void merge(const Buffers *b, Colors *merged)
     *merged = front;
 }
 
-#include "peel.h"
+#include "frames/many_passes.h"

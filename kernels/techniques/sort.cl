@@ -2,7 +2,7 @@
 //
 // Blending (blending.h) stops where the transmittance is exactly zero: nothing behind can change the picture. BOUNDED, each
 // pixel's stops where it is parameters[0] or less, which is then the most that what is behind can change (composite.h).
-#include "sorting.h"
+#include "fragments/sorting.h"
 
 // Whether any pixel lets more than that through.
 INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
@@ -52,4 +52,4 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
 #endif
 }
 
-#include "draw.h"
+#include "frames/one_pass.h"

@@ -5,8 +5,8 @@
 //   C = F + (1 - F) light S exp(-extinction thickness)
 // What a surface reflects does not pass it, so that C never leaves 0..1. Where there is anything it hides the background.
 #define LIGHT_IN_ALPHA
-#include "common.h"
-#include "blending.h"
+#include "base/common.h"
+#include "fragments/blending.h"
 
 // exp(-x) of x >= 0:  2^-n exp(-r)  with n = x / ln 2, rounded, and r = x - n ln 2 within +-0.35. ln 2 is in two parts, of
 // which the first, of 16 bits, times n is exact. The series' eighth term is below 2^-27 of the sum.
@@ -47,4 +47,4 @@ INLINE void shown(const Colors *foremost, VECTOR(float) thickness, global const 
     read_color(resolved, resolved);
 }
 
-#include "thickness.h"
+#include "techniques/thickness.h"

@@ -8,8 +8,8 @@
 // The coverage 1 - (1 - A)^n is what float32 loses where A is small: 1 - A rounds to one. So the power is taken of a pair of
 // floats, by squaring, which has the same bits on every device; and colours are the sums times coverage / sum(Ai), which is
 // one where there is one fragment, and asked for only where sum(Ai) is not zero.
-#include "sums.h"
-#include "wide.h"
+#include "fragments/sums.h"
+#include "base/wide.h"
 
 typedef struct { VECTOR(float) high, low; } Parts;  // an unevaluated sum
 
@@ -55,4 +55,4 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     resolved->alpha = power.high + power.low;
 }
 
-#include "draw.h"
+#include "frames/one_pass.h"

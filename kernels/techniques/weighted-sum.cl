@@ -4,7 +4,7 @@
 //   C = sum(Ai Ci) + C0 (1 - sum(Ai))
 // It is the picture's first-order part: right where alphas are small. Where they sum to more than one, what is left of the
 // background is less than nothing (draw.h counts those pixels).
-#include "sums.h"
+#include "fragments/sums.h"
 
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
                           VECTOR(uint) count, global const void *colors, Colors *resolved)
@@ -13,4 +13,4 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     resolved->alpha = 1.0f - resolved->alpha;
 }
 
-#include "draw.h"
+#include "frames/one_pass.h"

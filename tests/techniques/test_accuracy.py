@@ -1,6 +1,6 @@
 """How close exact techniques are to float64: 3 N 2^-24 for N layers, and 8-bit pictures but where it is a near thing.
 
-The truth is float64's blending of the layers that the technique itself found (clpeel.comparison.true_colors); and where
+The truth is float64's blending of the layers that the technique itself found (study.comparison.true_colors); and where
 no layer is in doubt, that of the twin, which casts rays and shares nothing with clpeel.
 """
 
@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import reference
-import soups
-from reference import UNIT
-from soups import AHEAD, BENCH
+from twins import reference, soups
+from twins.reference import UNIT
+from twins.soups import AHEAD, BENCH
 
 import clpeel
-from clpeel.comparison import true_colors
+from clpeel.study.comparison import true_colors
 from clpeel.techniques import LAYERS, TECHNIQUES
 
 pytestmark = pytest.mark.usefixtures("shared_devices")

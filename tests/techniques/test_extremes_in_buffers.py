@@ -43,14 +43,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-import reference
-import soups
-from reference import UNIT
-from soups import AHEAD, BENCH
+from twins import reference, soups
+from twins.reference import UNIT
+from twins.soups import AHEAD, BENCH
 
 import clpeel
-from clpeel.blending import DEFAULT_PRECISION, PRECISION, blending_bound
 from clpeel.techniques import TECHNIQUES
+from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISION, blending_bound
 
 if TYPE_CHECKING:
     from conftest import Judge

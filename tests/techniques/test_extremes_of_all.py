@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-import reference
-import soups
-from reference import UNIT
-from soups import AHEAD, BENCH
+from twins import reference, soups
+from twins.reference import UNIT
+from twins.soups import AHEAD, BENCH
 
 import clpeel
 from clpeel.techniques import TECHNIQUES

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-import soups
 from hypothesis import given
 from hypothesis import strategies as st
-from soups import AHEAD, BENCH
+from twins import soups
+from twins.soups import AHEAD, BENCH
 
 import clpeel
-from clpeel.renderer import sums
+from clpeel.rendering.renderer import sums
 from clpeel.techniques.multi_layer_peeling import HAZARD_ORDERS
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-import soups
 from hypothesis import given
 from hypothesis import strategies as st
-from reference import UNIT
-from soups import AHEAD, BENCH
+from twins import soups
+from twins.reference import UNIT
+from twins.soups import AHEAD, BENCH
 
 import clpeel
 from clpeel.techniques import TECHNIQUES

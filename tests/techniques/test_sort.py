@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-import soups
-from reference import UNIT
-from soups import AHEAD
+from twins import soups
+from twins.reference import UNIT
+from twins.soups import AHEAD
 
 import clpeel
-from clpeel.layout import TILE_PIXELS
+from clpeel.device.layout import TILE_PIXELS
 
 if TYPE_CHECKING:
     from conftest import Judge

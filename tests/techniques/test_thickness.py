@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-import reference
-import soups
 from hypothesis import given
 from hypothesis import strategies as st
-from reference import UNIT
-from solids import DEPTH_ROUNDINGS, Rays, ball, box, random_solids, turned_inside_out
-from soups import AHEAD, BENCH, Eye, Soup
+from twins import reference, soups
+from twins.reference import UNIT
+from twins.solids import DEPTH_ROUNDINGS, Rays, ball, box, random_solids, turned_inside_out
+from twins.soups import AHEAD, BENCH, Eye, Soup
 
 import clpeel
-from clpeel.colormap import OUTSIDE, VIRIDIS, colors_at
-from clpeel.layout import RUN_MAX
-from clpeel.scale_bar import ticks
+from clpeel.device.layout import RUN_MAX
+from clpeel.pictures.colormap import OUTSIDE, VIRIDIS, colors_at
+from clpeel.pictures.scale_bar import ticks
 from clpeel.techniques.thickness import VARIANTS
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-import soups
-from reference import UNIT
-from solids import Rays, ball, box, random_solids
-from soups import AHEAD, BENCH, Eye, Soup
+from twins import soups
+from twins.reference import UNIT
+from twins.solids import Rays, ball, box, random_solids
+from twins.soups import AHEAD, BENCH, Eye, Soup
 
 import clpeel
 from clpeel.techniques.thickness import VARIANTS

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-import soups
-from reference import UNIT
-from soups import AHEAD, BENCH
+from twins import soups
+from twins.reference import UNIT
+from twins.soups import AHEAD, BENCH
 
 import clpeel
 
@@ -106,9 +106,9 @@ def test_half_sums_stick(alpha: float, sticks: float, lanes: int) -> None:
 def test_half_is_that_of_numpy() -> None:
     import pyopencl as cl
 
-    from clpeel.device import open_device
-    from clpeel.layout import Features
-    from clpeel.program import source
+    from clpeel.device.devices import open_device
+    from clpeel.device.layout import Features
+    from clpeel.device.program import source
 
     rng = np.random.default_rng(3)
     values = np.concatenate(
@@ -122,7 +122,7 @@ def test_half_is_that_of_numpy() -> None:
     values = np.r_[0.0, values, np.inf].astype(np.float32)
     values = values[: len(values) // 16 * 16]
     gpu = open_device(lanes=1)
-    text = source("sums.h") + (
+    text = source("fragments/sums.h") + (
         "kernel void halves(global float16 *values) { int i = get_global_id(0); values[i] = to_half(values[i]); }"
     )
     built = cl.Program(gpu.context, text).build(options=Features(1, True, False, "scene", True, False).options())

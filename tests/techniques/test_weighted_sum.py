@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-import soups
-from reference import UNIT
-from soups import AHEAD, BENCH
+from twins import soups
+from twins.reference import UNIT
+from twins.soups import AHEAD, BENCH
 
 import clpeel
-from clpeel.layout import RUN_MAX
+from clpeel.device.layout import RUN_MAX
 
 if TYPE_CHECKING:
     from conftest import Judge

@@ -21,7 +21,7 @@ def device() -> dict[str, Any]:
     """The OpenCL device that a render would use."""
     import numpy
 
-    from clpeel.device import open_device
+    from clpeel.device.devices import open_device
 
     found = open_device().device
     return {
@@ -108,7 +108,7 @@ def bandwidth(nbytes: int, repeats: int) -> dict[str, Any]:
     """The best of several copies of a buffer to another: bytes read and bytes written, a second."""
     import pyopencl as cl
 
-    from clpeel.device import open_device
+    from clpeel.device.devices import open_device
 
     gpu = open_device()
     nbytes = min(nbytes, gpu.device.max_mem_alloc_size, gpu.device.global_mem_size // 4) // 4096 * 4096

@@ -17,10 +17,10 @@ from benchmark.runs import SHARED, TOOLS
 from numpy.typing import NDArray
 
 import clpeel
-from clpeel.blending import DEFAULT_PRECISION, PRECISION
-from clpeel.comparison import true_colors
-from clpeel.layout import DEPTH_FORMATS
+from clpeel.device.layout import DEPTH_FORMATS
+from clpeel.study.comparison import true_colors
 from clpeel.techniques import TECHNIQUES
+from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISION
 
 Floats = NDArray[np.float64]
 Points = dict[float, float]

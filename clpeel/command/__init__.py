@@ -1,0 +1,1 @@
+"""The command `clpeel`: the door for a shell."""

@@ -1,0 +1,144 @@
+"""What a bug report needs: versions, the machine, OpenCL platforms and devices."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from clpeel.errors import NoDeviceError
+
+if TYPE_CHECKING:
+    from clpeel.device.devices import DeviceInfo
+
+PACKAGES = ("clpeel", "pyopencl", "pocl-binary-distribution", "numpy", "trimesh", "Pillow")
+ICD_FOLDERS = ("/etc/OpenCL/vendors",)
+ICD_VARIABLES = (
+    "CLPEEL_DEVICE",
+    "OCL_ICD_VENDORS",
+    "OCL_ICD_FILENAMES",
+    "OPENCL_VENDOR_PATH",
+    "PYOPENCL_CTX",
+    "POCL_DEVICES",
+)
+
+
+def version(package: str) -> str:
+    """The installed version of a package, without importing it."""
+    from importlib import metadata
+
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def table(rows: Iterable[Iterable[object]]) -> list[str]:
+    """Rows of cells as lines with aligned columns, the first row being the heading."""
+    cells = [[str(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells]
+
+
+def _devices() -> list[DeviceInfo]:
+    from clpeel.device.devices import INSTALL_HINT, list_devices
+
+    devices = list_devices()
+    if not devices:
+        raise NoDeviceError(INSTALL_HINT)
+    return devices
+
+
+def technique_table() -> list[str]:
+    """What each technique does, a line each, and below it the options of `render` that it has besides the common."""
+    from clpeel.techniques import AUTO, AUTO_SUMMARY, TECHNIQUES, options_of
+
+    width = max(map(len, TECHNIQUES))
+    lines = []
+    summaries = {name: technique.summary for name, technique in TECHNIQUES.items()} | {AUTO: AUTO_SUMMARY}
+    for name, summary in summaries.items():
+        lines.append(f"{name:<{width}}  {summary}")
+        if options := options_of(name):
+            lines.append(f"{'':<{width}}  options: {', '.join(options)}")
+    return lines
+
+
+def device_table() -> list[str]:
+    """The numbered devices, a line each under a heading; raises NoDeviceError."""
+    rows: list[tuple[object, ...]] = [("number", "kind", "units", "memory", "OpenCL", "platform", "name")]
+    for device in _devices():
+        memory = f"{device.memory / 2**30:.1f} GiB"
+        # "OpenCL 3.0 PoCL HSTR: …": the words after the number repeat the platform.
+        opencl = " ".join(device.version.split()[1:2]) or device.version
+        rows.append(
+            (
+                device.number,
+                device.kind.split(" | ")[-1],
+                device.compute_units,
+                memory,
+                opencl,
+                device.platform.strip(),
+                device.name,
+            )
+        )
+    return table(rows)
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
+            for line in file:
+                if line.startswith("model name"):
+                    return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _system() -> str:
+    try:
+        return f"{platform.freedesktop_os_release()['PRETTY_NAME']}, {platform.system()} {platform.release()}"
+    except (OSError, KeyError, AttributeError):
+        return platform.platform()
+
+
+def _kernels() -> str:
+    from importlib import resources
+
+    try:
+        folder = resources.files("clpeel.kernels")
+        names = [item.name for part in folder.iterdir() if part.is_dir() for item in part.iterdir()]
+        return f"{sum(name.endswith(('.cl', '.h')) for name in names)} files"
+    except (ModuleNotFoundError, FileNotFoundError):
+        return "not installed (running from the source tree?)"
+
+
+def _drivers() -> list[str]:
+    """Where an OpenCL loader looks for drivers on this machine."""
+    lines = [f"{name}={os.environ[name]}" for name in ICD_VARIABLES if name in os.environ]
+    for folder in ICD_FOLDERS:
+        files = sorted(os.listdir(folder)) if os.path.isdir(folder) else []
+        lines.append(f"{folder}: {', '.join(files) or 'none'}")
+    return lines
+
+
+def report() -> list[str]:
+    """Lines for a bug report. Needs no device: what is missing or fails is said, not raised."""
+    from clpeel.device.cache import root
+
+    rows = [("python", f"{platform.python_version()} ({platform.python_implementation()}, {sys.platform})")]
+    rows += [(name, version(name)) for name in PACKAGES]
+    rows += [("kernels", _kernels()), ("system", f"{_system()}, {platform.machine()}")]
+    rows.append(("kernels kept in", str(root())))
+    rows.append(("processor", f"{_processor()} ({os.cpu_count()} threads)"))
+    rows += [("drivers", line) for line in _drivers()]
+    lines = table(rows)
+    lines.append("")
+    try:
+        lines += device_table()
+        lines += [f"driver of {device.number}: {device.driver} | {device.version}" for device in _devices()]
+    except Exception as error:  # whatever a driver does wrong is what the report is for
+        lines.append(f"devices: {type(error).__name__}: {error}")
+    return lines

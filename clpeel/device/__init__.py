@@ -1,0 +1,1 @@
+"""The device: OpenCL alone. Nothing here knows a triangle."""

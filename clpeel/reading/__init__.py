@@ -1,0 +1,1 @@
+"""Reading: the files of strangers to scenes. Nothing here knows a device."""

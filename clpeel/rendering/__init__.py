@@ -1,0 +1,1 @@
+"""Rendering: a request to a result, by the stages and a technique."""

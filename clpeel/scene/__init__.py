@@ -1,0 +1,1 @@
+"""Scenes: what goes in. NumPy alone; nothing here knows a device."""

@@ -1,0 +1,378 @@
+"""The camera: where the picture is taken from, and its matrix for the kernels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.device.layout import SUBPIXELS
+from clpeel.errors import InputError
+from clpeel.scene.scene import Scene
+
+Vector = Sequence[float] | NDArray[np.float64]
+
+AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+
+NEAREST_SHARE = 1e-6
+"""Near plane of a fitted clipping range, as a share of the far one, where the eye is within the scene. Reversed depth
+has the same relative precision at every distance, so a near plane this close costs nothing."""
+
+
+NEAREST_DEPTH = 2.0**-64
+"""The same of a range that is given: what lies closer to the eye has no place in positions of 48 bits, and depths stay
+numbers of full precision in float32."""
+
+LEAST_SHARE = 2.0**-12
+"""Of an orthographic range that is given, that the scene takes at least: half of its depths' bits are left then."""
+
+
+THINNEST_SLICE = 2.0**-40
+"""Of the scene, that an orthographic range is taken to hold: positions of 48 bits have hardly a thinner one."""
+
+
+PLANE_SLACK = 2.0**-22
+"""How far the clipping planes reach beyond their depths, relatively (orthographic: of the range). Three roundings to
+float32 lie between a point exactly on a plane and its depth: this much keeps it inside."""
+
+
+FLAT = 1e-6
+"""A scene is flat where it is no thicker than this share of its extent."""
+
+ABOVE = 0.1
+"""Looking down, or up, is looking so close to the vertical: the sine of the angle to it."""
+
+SAMPLE_FACES = 1000
+"""Faces that tell of most scenes, however large, that they are not flat."""
+
+
+class Degrees(float):
+    """An angle that was checked, or worked out from one that was: it is not looked at again, lest it be refused."""
+
+
+def checked_degrees(name: str, value: float) -> Degrees:
+    """value, degrees, as a number; or InputError, also where it is in radians: no angle in degrees is pi / 6.
+
+    Those are half degrees in radians, up to a whole turn either way, to within nine digits.
+    """
+    if isinstance(value, Degrees):
+        return value
+    try:
+        angle = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected degrees, got {value!r}") from None
+    halves = abs(angle) / math.radians(0.5)
+    if 0.5 < halves < 720.5 and abs(halves - round(halves)) <= 1e-9 * halves:
+        meant = math.copysign(round(halves) / 2, angle)
+        raise InputError(
+            f"{name}: expected degrees, got {angle:.4g}, which is {meant:g} degrees in radians; use math.degrees(...)"
+        )
+    return Degrees(angle)
+
+
+def checked_view_angle(value: float) -> Degrees:
+    """As checked_degrees, between 0 and 180."""
+    angle = checked_degrees("camera view_angle", value)
+    if not 0 < angle < 180:
+        raise InputError(f"camera view_angle: expected degrees between 0 and 180, got {angle:g}")
+    return angle
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera in world units, as VTK's.
+
+    position, focal_point, view_up: 3 numbers each. view_angle: degrees, vertical, in (0, 180).
+    clipping_range: (near, far) view distances in world units, or None to fit the scene. Orthographic views are
+    |position - focal_point| * tan(view_angle / 2) high from the centre up, so that switching keeps the framing.
+
+    Raises InputError when a value is not finite, the position is the focal point, view_up is parallel to the view,
+    view_angle is out of range, or near >= far (or near <= 0 in perspective).
+    """
+
+    position: Vector
+    focal_point: Vector
+    view_up: Vector = (0.0, 1.0, 0.0)
+    view_angle: float = 30.0
+    clipping_range: tuple[float, float] | None = None
+    orthographic: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("position", "focal_point", "view_up"):
+            object.__setattr__(self, name, tuple(vector3(f"camera {name}", getattr(self, name)).tolist()))
+        object.__setattr__(self, "view_angle", checked_view_angle(self.view_angle))
+        if self.clipping_range is not None:
+            object.__setattr__(self, "clipping_range", self._checked_range(self.clipping_range))
+        self.axes()
+
+    def _checked_range(self, given: Sequence[float]) -> tuple[float, float]:
+        try:
+            near, far = (float(value) for value in given)
+        except (TypeError, ValueError):
+            raise InputError(f"camera clipping_range: expected (near, far), got {given!r}") from None
+        if not (math.isfinite(near) and math.isfinite(far) and near < far):
+            raise InputError(f"camera clipping_range: expected near < far, got {near:g}, {far:g}")
+        if near <= 0 and not self.orthographic:
+            raise InputError(f"camera clipping_range: expected near > 0 in perspective, got {near:g}")
+        return near, far
+
+    @property
+    def distance(self) -> float:
+        """From the position to the focal point, in world units."""
+        return length_of(np.subtract(self.focal_point, self.position))
+
+    def axes(self) -> NDArray[np.float64]:
+        """Unit vectors right, up and forward: float64 [3, 3], a row each."""
+        forward = np.subtract(self.focal_point, self.position)
+        length = length_of(forward)
+        if not (math.isfinite(length) and length > 0):
+            raise InputError(f"camera: expected a position away from the focal point, got {self.position} for both")
+        forward = forward / length
+        up = np.asarray(self.view_up, np.float64)
+        up_length = length_of(up)
+        right = np.cross(forward, up / up_length) if up_length > 0 else np.zeros(3)
+        right_length = np.linalg.norm(right)
+        if right_length < 1e-9:
+            raise InputError(
+                f"camera view_up: expected a direction across the view, got {self.view_up}, parallel to the view"
+            )
+        right = right / right_length
+        return np.array([right, np.cross(right, forward), forward])
+
+    @classmethod
+    def frame(
+        cls,
+        scene: Scene,
+        direction: str | Vector | None = None,
+        up: str | Vector = "+Y",
+        view_angle: float = 30.0,
+        *,
+        aspect: float = 1.0,
+        orthographic: bool = False,
+    ) -> Camera:
+        """The camera that looks along `direction` and just holds the scene's bounding sphere.
+
+        direction, up: 3 numbers, or an axis such as "-Z". No direction: along -Z (with another `up`, as `front` says),
+        but straight at the face of a scene that is flat, from the side nearest to that. aspect: width / height of the
+        picture; a picture taller than wide is framed by its width. Raises InputError on any of these that cannot be.
+        """
+        low, high = scene.bounds
+        centre = low + (high - low) / 2
+        radius = length_of((high - low) / 2) or 1.0
+        view_up = axis(up, "camera up")
+        if direction is None:
+            looking, view_up = default_view(scene, view_up)
+        else:
+            looking = axis(direction, "camera direction")
+        length = length_of(looking)
+        if not length > 0:
+            raise InputError(f"camera direction: expected a direction, got {direction!r}")
+        view_angle = checked_view_angle(view_angle)
+        half = math.tan(math.radians(view_angle) / 2) * min(aspect, 1.0)
+        distance = radius / half if orthographic else radius / math.sin(math.atan(half))
+        position = centre - looking / length * distance
+        return cls(position, centre, view_up, view_angle, orthographic=orthographic)
+
+    def azimuth(self, degrees: float) -> Camera:
+        """Turned about view_up through the focal point, as VTK's Azimuth."""
+        angle = checked_degrees("camera azimuth", degrees)
+        return self._turned(np.asarray(self.view_up, np.float64), angle, turn_up=False)
+
+    def elevation(self, degrees: float) -> Camera:
+        """Turned about the axis to the left through the focal point, as VTK's Elevation: positive looks from above."""
+        return self._turned(-self.axes()[0], checked_degrees("camera elevation", degrees), turn_up=True)
+
+    def _turned(self, about: NDArray[np.float64], degrees: float, turn_up: bool) -> Camera:
+        if not math.isfinite(degrees):
+            raise InputError(f"camera angle: expected degrees, got {degrees!r}")
+        k = about / length_of(about)
+        angle = math.radians(degrees)
+
+        def turn(v: NDArray[np.float64]) -> NDArray[np.float64]:  # Rodrigues
+            return v * math.cos(angle) + np.cross(k, v) * math.sin(angle) + k * np.dot(k, v) * (1 - math.cos(angle))
+
+        focal = np.asarray(self.focal_point, np.float64)
+        arm = np.asarray(self.position, np.float64) - focal
+        up = turn(self.axes()[1]) if turn_up else np.asarray(self.view_up, np.float64)
+        return replace(self, position=focal + turn(arm), view_up=up)
+
+    def zoom(self, factor: float) -> Camera:
+        """Narrower by `factor`, as VTK's Zoom: the view angle is divided by it (orthographic: the view's height)."""
+        if not (math.isfinite(factor) and factor > 0):
+            raise InputError(f"camera zoom: expected a factor > 0, got {factor!r}")
+        if self.orthographic:
+            half = math.tan(math.radians(self.view_angle) / 2) / factor
+            return replace(self, view_angle=Degrees(math.degrees(2 * math.atan(half))))
+        return replace(self, view_angle=Degrees(min(self.view_angle / factor, 179.9)))
+
+    def depth_range(self, scene: Scene, least_share: float = LEAST_SHARE) -> tuple[float, float]:
+        """The view distances between which depths are told apart: the fitted range, or the one given, in world units.
+
+        One given may begin or end so far beyond the scene that float32 knows nothing of what lies between: all depths
+        would be equal, or the near plane zero. It is then drawn in to the scene, which changes nothing that can be
+        seen. least_share: of the range given, that the scene takes at least (of orthographic views, whose depths are
+        even).
+        """
+        near, far = self.fitted_range(scene)
+        if self.clipping_range is None:
+            return near, far
+        nearest, farthest = replace(self, clipping_range=None).fitted_range(scene)
+        extent = farthest - nearest
+        if not self.orthographic:
+            near = max(min(near, 2 * farthest), farthest * NEAREST_DEPTH)
+            return near, far if far > near else 2 * near
+        if extent / least_share >= far - near:
+            return near, max(far, near + extent * THINNEST_SLICE)
+        if near > farthest:  # nothing is drawn, which any range behind the scene says that float32 holds
+            near = min(near, farthest + extent)
+            return near, near + extent
+        if far < nearest:
+            far = max(far, nearest - extent)
+            return far - extent, far
+        return max(near, nearest), min(far, farthest)
+
+    def fitted_range(self, scene: Scene) -> tuple[float, float]:
+        """The clipping range given, or one that holds the scene: (near, far) in world units."""
+        if self.clipping_range is not None:
+            return self.clipping_range
+        near, far = self.view_distances(scene)
+        margin = max((far - near) * 1e-3, abs(far) * 1e-6, self.distance * 1e-9)
+        near, far = near - margin, far + margin
+        if self.orthographic:
+            return near, far
+        if far <= 0:  # the whole scene lies behind the eye: nothing to see
+            return self.distance * 0.5, self.distance
+        return max(near, far * NEAREST_SHARE), far
+
+    def view_distances(self, scene: Scene) -> tuple[float, float]:
+        """The least and the greatest distance along the view axis that a corner of the scene's bounds has."""
+        corners = np.array(np.meshgrid(*scene.bounds.T, indexing="ij")).reshape(3, -1).T
+        distances = (corners - np.asarray(self.position, np.float64)) @ self.axes()[2]
+        return float(distances.min()), float(distances.max())
+
+    def projection(
+        self, scene_origin: NDArray[np.float64], scale: float, clipping: tuple[float, float], size: tuple[int, int]
+    ) -> tuple[NDArray[np.float32], float, float]:
+        """The kernels' matrix for positions (v - scene_origin) * scale, and the depths of the near and far planes.
+
+        Returns float32 [4, 2, 4]: rows x, y, z, w of clip space (projection.cl), each as high and low parts; x and y
+        are in subpixels times w from the image's centre, y down; z / w is the reversed depth, 1 at the near plane.
+        """
+        _, height = size
+        near, far = (value * scale for value in clipping)
+        eye = (np.asarray(self.position, np.float64) - scene_origin) * scale
+        right, up, forward = self.axes()
+        half = math.tan(math.radians(self.view_angle) / 2)
+
+        def row(vector: NDArray[np.float64], factor: float = 1.0, offset: float = 0.0) -> list[float]:
+            return [*(vector * factor), offset - float(np.dot(vector, eye)) * factor]
+
+        if self.orthographic:
+            per_unit = SUBPIXELS * height / 2 / (half * self.distance * scale)
+            depth = row(forward, -1 / (far - near), far / (far - near))
+            matrix = [row(right, per_unit), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
+            depth_far = -PLANE_SLACK
+        else:
+            per_unit = SUBPIXELS * height / 2 / half
+            matrix = [row(right, per_unit), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
+            depth_far = near / far * (1 - PLANE_SLACK)
+        exact = np.array(matrix, np.float64)
+        high = exact.astype(np.float32)
+        low = (exact - high).astype(np.float32)
+        return np.stack([high, low], axis=1), 1 + PLANE_SLACK, float(np.float32(depth_far))
+
+
+# --- where to look by default -----------------------------------------------------------------------------------------
+
+
+def front(up: Vector) -> NDArray[np.float64]:
+    """Where a camera looks by default, f3d's rule: along -Z when up is +Y, along +Y when up is +Z."""
+    x, y, z = up
+    right = (1.0, 0.0, 0.0) if abs(x) < max(abs(y), abs(z)) else (0.0, -1.0 if x > 0 else 1.0, 0.0)
+    return np.cross(up, right)
+
+
+def default_view(scene: Scene, up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where to look, and what is up in the picture, where nobody said: to the front, or at the face of a flat scene.
+
+    A flat scene is seen from its side that is nearest to the front; of two as near from above, then from the right.
+    """
+    if not up.any():
+        return np.array([0.0, 0.0, -1.0]), up  # which Camera refuses
+    up_length = length_of(up)
+    usual = front(up / up_length)
+    usual /= np.linalg.norm(usual)
+    normal = flat_normal(scene)
+    if normal is None:
+        return usual, up
+    ways = (usual, -up / up_length, np.cross(up / up_length, usual))
+    side = next(along for way in ways if abs(along := float(normal @ way)) > FLAT)
+    looking = normal * math.copysign(1.0, side)
+    if np.linalg.norm(np.cross(looking, up / up_length)) > ABOVE:
+        return looking, up
+    return looking, usual if looking @ up < 0 else -usual
+
+
+def flat_normal(scene: Scene) -> NDArray[np.float64] | None:
+    """The unit normal of the plane that the scene lies in; None where it lies in none, or along a line."""
+    low, high = scene.bounds
+    half = high / 2 - low / 2
+    size = float(half.max())
+    if not 0 < size < math.inf:
+        return None
+
+    def extents(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of points [n, 3], along their principal axes, the least first, and these axes, a column each."""
+        points = (points[np.isfinite(points).all(axis=1)] - (low / 2 + high / 2)) / size
+        if not len(points):
+            return np.zeros(3), np.eye(3)
+        centred = points - points.mean(axis=0)
+        _, axes = np.linalg.eigh(centred.T @ centred)
+        return np.ptp(centred @ axes, axis=0), axes
+
+    some = scene.faces[:: max(len(scene.faces) // SAMPLE_FACES, 1)]
+    if len(some) < len(scene.faces):
+        found, _ = extents(scene.vertices[some.reshape(-1)])
+        if found[0] > 10 * FLAT:  # the plane of some is not quite that of all
+            return None
+    used = np.zeros(len(scene.vertices), dtype=bool)
+    used[scene.faces.reshape(-1)] = True
+    found, axes = extents(scene.vertices if used.all() else scene.vertices[used])
+    if found[0] > FLAT * found.max() or found[1] <= FLAT * found.max():
+        return None
+    normal = axes[:, 0]
+    normal = np.where(np.abs(normal) < FLAT, 0.0, normal)
+    return normal / np.linalg.norm(normal)
+
+
+# --- checks -----------------------------------------------------------------------------------------------------------
+
+
+def length_of(vector: NDArray[np.float64]) -> float:
+    """The length of a vector of any size: also where its squares leave the range of float64."""
+    length = float(np.linalg.norm(vector))
+    return length if 0 < length < math.inf else math.hypot(*vector)
+
+
+def vector3(name: str, value: Vector) -> NDArray[np.float64]:
+    """Three finite numbers, or InputError."""
+    try:
+        vector = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected 3 numbers, got {value!r}") from None
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"{name}: expected 3 finite numbers, got {value!r}")
+    return vector
+
+
+def axis(value: str | Vector, name: str) -> NDArray[np.float64]:
+    """A direction given as an axis ("-Z", "+Y", "X") or as three numbers."""
+    if not isinstance(value, str):
+        return vector3(name, value)
+    letter = value[-1:].upper()
+    if letter not in AXES or value[:-1] not in ("", "+", "-"):
+        raise InputError(f"{name}: expected an axis such as -Z or +Y, or 3 numbers, got {value!r}")
+    return np.array(AXES[letter]) * (-1.0 if value[0] == "-" else 1.0)

@@ -1,0 +1,373 @@
+"""A scene: the triangles, colours and normals to render, checked as they come in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from clpeel.errors import InputError
+from clpeel.scene.color import parse_color
+
+DEFAULT_COLOR = (120, 150, 190, 255)
+"""RGBA of a mesh that brings no colour of its own, uint8."""
+
+Colors = NDArray[Any]
+"""RGBA in the last axis: uint8 0..255 or float32 0..1."""
+
+_FAR_FROM_ORIGIN = 16.0  # in half diagonals: beyond this, float32 spends four bits or more on the offset
+_SCALE_EXPONENT = 60  # beyond 2**±60, float32 products of a few coordinates could leave the range of float32
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Device positions p = (vertices - origin) * scale, as float32 pairs p = hi + lo.
+
+    hi: float32 [n, 3]; lo: float32 [n, 3], or None where hi is exact; origin: float64 [3], scene units;
+    scale: 1, or the power of two that brings the scene to about 1.
+    """
+
+    hi: NDArray[np.float32]
+    lo: NDArray[np.float32] | None
+    origin: NDArray[np.float64]
+    scale: float
+
+
+@dataclass(frozen=True)
+class OpticalDepths:
+    """-ln(1 - alpha) of transparent colours: mean and standard deviation, 0 of none; and the greatest alpha, 0..1."""
+
+    mean: float
+    deviation: float
+    most_alpha: float
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Triangles with colours; make one with `Scene.from_arrays` or `clpeel.load`, which check what they are given.
+
+    vertices: float64 [n, 3], scene units; NaN and infinite ones are allowed, their triangles are discarded when drawn.
+    faces: int32 [m, 3], indices into vertices; their order is the submission order.
+    Exactly one of face_colors [m, 4], vertex_colors [n, 4] and color [4] is set: RGBA, uint8 0..255 or float32 0..1.
+    vertex_normals: float32 [n, 3] of any length, NaN rows where unknown; None where the source gave none.
+    notes: what the loader could not keep, one line each.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    face_colors: Colors | None = None
+    vertex_colors: Colors | None = None
+    color: Colors | None = None
+    vertex_normals: NDArray[np.float32] | None = None
+    notes: tuple[str, ...] = ()
+
+    @staticmethod
+    def from_arrays(
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        face_colors: ArrayLike | None = None,
+        vertex_colors: ArrayLike | None = None,
+        color: ArrayLike | None = None,
+        *,
+        vertex_normals: ArrayLike | None = None,
+        opacity: float | None = None,
+    ) -> Scene:
+        """A scene from arrays, all of them checked.
+
+        vertices [n, 3] numbers; faces [m, 3] integers 0..n-1, m >= 1; at most one of face_colors [m, 3|4],
+        vertex_colors [n, 3|4] and color [3|4]: integers are 0..255, floats 0..1, and without alpha they are opaque;
+        color may be text too, such as "steelblue" or "#rrggbbaa".
+        vertex_normals [n, 3] of any length; opacity 0..1 replaces every alpha.
+
+        Raises InputError, which names the argument, what was expected and what came.
+        """
+        points = _vertices(vertices)
+        triangles = _faces(faces, len(points))
+        given = {"face_colors": face_colors, "vertex_colors": vertex_colors, "color": color}
+        names = [name for name, value in given.items() if value is not None]
+        if len(names) > 1:
+            raise InputError(f"colours: expected at most one of {', '.join(given)}, got {' and '.join(names)}")
+        if not names:
+            color = np.array(DEFAULT_COLOR, np.uint8)
+        scene = Scene(
+            points,
+            triangles,
+            face_colors=None if face_colors is None else checked_colors("face_colors", face_colors, (len(triangles),)),
+            vertex_colors=None
+            if vertex_colors is None
+            else checked_colors("vertex_colors", vertex_colors, (len(points),)),
+            color=None if color is None else checked_colors("color", color, ()),
+            vertex_normals=None if vertex_normals is None else _normals(vertex_normals, len(points)),
+        )
+        return scene if opacity is None else recolored(scene, None, checked_opacity(opacity))
+
+    @cached_property
+    def bounds(self) -> NDArray[np.float64]:
+        """float64 [2, 3]: least and greatest corner of the finite vertices that faces use; zeros if there are none."""
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.faces.reshape(-1)] = True
+        used &= np.isfinite(self.vertices).all(axis=1)
+        points = self.vertices if used.all() else self.vertices[used]
+        corners = np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else np.zeros((2, 3))
+        corners.flags.writeable = False
+        return corners
+
+    @cached_property
+    def opaque(self) -> bool:
+        """Whether every alpha is 1."""
+        alpha = self.colors[..., 3]
+        return bool((alpha == (255 if alpha.dtype == np.uint8 else 1)).all())
+
+    @cached_property
+    def surfaces(self) -> str:
+        """ "opaque" where every face is (all its alphas are 1), "transparent" where none is, else "mixed"."""
+        alpha = np.atleast_1d(self.colors[..., 3])
+        solid = alpha == (255 if alpha.dtype == np.uint8 else 1)
+        if self.vertex_colors is not None and solid.any():
+            solid = solid[self.faces].all(axis=1)
+        return "opaque" if solid.all() else "mixed" if solid.any() else "transparent"
+
+    @cached_property
+    def optical_depths(self) -> OpticalDepths:
+        """How much its transparent colours let through."""
+        alpha = np.atleast_1d(self.colors[..., 3])
+        if alpha.dtype == np.uint8:
+            counts = np.bincount(alpha.reshape(-1), minlength=256)[:255]
+            values = np.arange(255) / 255
+        else:
+            values, counts = np.unique(alpha[alpha < 1].astype(np.float64), return_counts=True)
+        if counts.sum() == 0:
+            return OpticalDepths(0.0, 0.0, 0.0)
+        depths = -np.log1p(-values)
+        mean = float(np.average(depths, weights=counts))
+        deviation = math.sqrt(float(np.average((depths - mean) ** 2, weights=counts)))
+        return OpticalDepths(mean, deviation, float(values[counts > 0].max()))
+
+    @property
+    def colors(self) -> Colors:
+        """The one colour array that is set."""
+        for colors in (self.face_colors, self.vertex_colors, self.color):
+            if colors is not None:
+                return colors
+        raise InputError("colours: expected face_colors, vertex_colors or color, got none; use Scene.from_arrays")
+
+    def positions(self) -> Positions:
+        """The vertices as the device gets them: near the origin, about 1 in size where float32 demands it.
+
+        The origin moves only if the scene's centre is more than 16 half diagonals away from it, to the centre rounded
+        to a power of two below the half diagonal: so vertices that were float32 stay exactly float32.
+        The scale is an exact power of two, and 1 unless the scene's size is beyond 2**60 or below 2**-60.
+        """
+        low, high = self.bounds
+        center, half = low / 2 + high / 2, high / 2 - low / 2
+        radius = math.hypot(*half)
+        origin = np.zeros(3)
+        if math.hypot(*center) > _FAR_FROM_ORIGIN * radius:
+            grid = math.ldexp(1.0, math.frexp(radius)[1] - 1) if radius else 0.0
+            origin = np.array([c - math.remainder(c, grid) if grid else c for c in center])
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+            size = float(max(np.abs(low - origin).max(), np.abs(high - origin).max()))
+            exponent = math.frexp(size)[1] if size else 0
+            scale = math.ldexp(1.0, max(-1000, min(1000, -exponent))) if abs(exponent) > _SCALE_EXPONENT else 1.0
+            points = (self.vertices - origin) * scale if origin.any() or scale != 1.0 else self.vertices
+            hi = points.astype(np.float32)
+            lo = (points - hi).astype(np.float32)
+            lo[~np.isfinite(lo)] = 0
+        return Positions(hi, lo if lo.any() else None, origin, scale)
+
+
+# --- several scenes in one ------------------------------------------------------------------------------------------
+
+
+def joined(scenes: Sequence[Scene]) -> Scene:
+    """The scenes' triangles one after another, their colours kept as few and as they were as they can be."""
+    if len(scenes) == 1:
+        return scenes[0]
+    notes = tuple(dict.fromkeys(note for scene in scenes for note in scene.notes))
+    colors: dict[str, Any]
+    flat = [scene.color for scene in scenes if scene.color is not None]
+    if len(flat) == len(scenes) and all(c.dtype == flat[0].dtype and (c == flat[0]).all() for c in flat):
+        colors = {"color": flat[0]}
+    elif all(scene.vertex_colors is None for scene in scenes):
+        colors = {"face_colors": _stacked(scenes, [len(scene.faces) for scene in scenes])}
+    else:
+        scenes = [with_vertex_colors(scene) if scene.face_colors is not None else scene for scene in scenes]
+        colors = {"vertex_colors": _stacked(scenes, [len(scene.vertices) for scene in scenes])}
+    counts = [len(scene.vertices) for scene in scenes]
+    starts = np.cumsum([0, *counts])
+    if starts[-1] >= 2**31:
+        raise InputError(f"vertices: expected fewer than 2**31 in all, got {starts[-1]}")
+    normals = None
+    if any(scene.vertex_normals is not None for scene in scenes):
+        normals = np.concatenate([_normals_or_nan(scene) for scene in scenes])
+    vertices = np.concatenate([scene.vertices for scene in scenes])
+    faces = np.concatenate([scene.faces + np.int32(start) for scene, start in zip(scenes, starts, strict=False)])
+    return Scene(vertices, faces, vertex_normals=normals, notes=notes, **colors)
+
+
+def _normals_or_nan(scene: Scene) -> NDArray[np.float32]:
+    """The scene's vertex normals, NaN where it has none."""
+    return np.full(scene.vertices.shape, np.nan, np.float32) if scene.vertex_normals is None else scene.vertex_normals
+
+
+def _stacked(scenes: Sequence[Scene], counts: Sequence[int]) -> Colors:
+    """The scenes' colours one after another, a scene's one colour repeated count times."""
+    rows = [np.broadcast_to(scene.colors, (count, 4)) for scene, count in zip(scenes, counts, strict=True)]
+    return np.concatenate(alike(rows))
+
+
+def with_vertex_colors(scene: Scene) -> Scene:
+    """The same picture from a face-coloured scene with vertex colours: every face gets vertices of its own."""
+    corners = scene.faces.reshape(-1)
+    normals = None if scene.vertex_normals is None else scene.vertex_normals[corners]
+    colors = np.repeat(scene.colors, 3, axis=0)
+    faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    return Scene(scene.vertices[corners], faces, vertex_colors=colors, vertex_normals=normals, notes=scene.notes)
+
+
+# --- checks ---------------------------------------------------------------------------------------------------------
+
+
+def _vertices(value: ArrayLike) -> NDArray[np.float64]:
+    """value as float64 [n, 3], or InputError."""
+    array = _array("vertices", value)
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
+        raise InputError(f"vertices: expected [n, 3] real numbers, got {_described(array)}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def _faces(value: ArrayLike, count: int) -> NDArray[np.int32]:
+    """value as int32 [m, 3] with every index in 0..count-1 and m >= 1, or InputError."""
+    array = _array("faces", value)
+    if array.size == 0:
+        raise InputError("faces: expected at least one triangle, got none; the mesh is empty")
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
+        raise InputError(f"faces: expected [m, 3] integers, got {_described(array)}")
+    least, greatest = int(array.min()), int(array.max())
+    if least < 0 or greatest >= count:
+        wrong = least if least < 0 else greatest
+        face = int(np.argmax((array == wrong).any(axis=1)))
+        raise InputError(f"faces: expected indices 0..{count - 1}, got {wrong} in face {face}; the mesh is damaged")
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def _normals(value: ArrayLike, count: int) -> NDArray[np.float32]:
+    """value as float32 [count, 3], or InputError."""
+    array = _array("vertex_normals", value)
+    if array.shape != (count, 3) or array.dtype.kind not in "fiu":
+        raise InputError(f"vertex_normals: expected [{count}, 3] real numbers, got {_described(array)}")
+    with np.errstate(over="ignore", under="ignore"):
+        return np.ascontiguousarray(array, dtype=np.float32)
+
+
+def checked_color(name: str, value: ArrayLike) -> Colors:
+    """value, numbers or text such as "red" or "#rrggbbaa", uint8 or float32 [3], or [4] with alpha, or InputError."""
+    numbers = _written(name, value, alpha=True)
+    return checked_colors(name, numbers, ())[: np.shape(numbers)[0]]
+
+
+def _written(name: str, value: Any, alpha: bool = False) -> Any:
+    """A colour that is text as numbers 0..1, or InputError; anything else as it is."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return parse_color(value, alpha)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def checked_colors(name: str, value: ArrayLike, rows: tuple[int, ...]) -> Colors:
+    """value as uint8 or float32 [*rows, 4], or InputError; a single colour may be text."""
+    array = _array(name, value if rows else _written(name, value, alpha=True))
+    if array.shape not in ((*rows, 3), (*rows, 4)) or array.dtype.kind not in "fiu":
+        shape = ", ".join(map(str, (*rows, "3 or 4")))
+        raise InputError(f"{name}: expected [{shape}] integers 0..255 or floats 0..1, got {_described(array)}")
+    top = 1 if array.dtype.kind == "f" else 255
+    if array.size and array.dtype != np.uint8:
+        least, greatest = array.min(), array.max()  # NaN if any is
+        if not (least >= 0 and greatest <= top):
+            wrong = greatest if not greatest <= top else least
+            kind = "floats" if top == 1 else "integers"
+            raise InputError(f"{name}: expected {kind} 0..{top}, got {wrong}")
+    colors = np.empty((*rows, 4), dtype=np.float32 if top == 1 else np.uint8)
+    colors[..., : array.shape[-1]] = array
+    if array.shape[-1] == 3:
+        colors[..., 3] = top
+    return colors
+
+
+def checked_rgb(name: str, value: Any, or_none: str = "") -> tuple[float, float, float]:
+    """value, numbers or text such as "red", as three numbers 0..1, or InputError. or_none: what else it may be."""
+    numbers = _written(name, value)
+    try:
+        red, green, blue = (float(part) for part in numbers)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected 3 numbers 0..1{or_none}, got {value!r}") from None
+    if not all(0 <= part <= 1 for part in (red, green, blue)):
+        raise InputError(f"{name}: expected 3 numbers 0..1, got {value!r}")
+    return red, green, blue
+
+
+def checked_background(background: Sequence[float] | str | None) -> tuple[float, float, float] | None:
+    """Three numbers 0..1, of text such as "white" too, or None; or InputError."""
+    return None if background is None else checked_rgb("background", background, " or None")
+
+
+def checked_opacity(value: Any) -> float:
+    """value as a float in 0..1, or InputError."""
+    try:
+        opacity = float(value)
+    except (TypeError, ValueError):
+        opacity = math.nan
+    if not 0 <= opacity <= 1:
+        raise InputError(f"opacity: expected a number 0..1, got {value}")
+    return opacity
+
+
+def recolored(scene: Scene, color: Colors | None, opacity: float | None) -> Scene:
+    """The scene with its rgb replaced by color [3] (with [4] its alpha too), then its alpha by opacity, where given."""
+    colors = scene.colors
+    if color is not None:
+        if len(color) == 4 or colors.ndim == 1 or (colors[..., 3] == colors[0, 3]).all():
+            alpha = color[3:] if len(color) == 4 else colors.reshape(-1, 4)[0, 3:]
+            colors = np.concatenate(alike([color[:3], alpha]))
+        else:
+            rgb, colors = alike([color[:3], colors])
+            colors = colors.copy()
+            colors[..., :3] = rgb
+    if opacity is not None:
+        level = opacity * 255
+        whole = abs(level - round(level)) <= 1e-9
+        colors = colors.copy() if whole or colors.dtype != np.uint8 else as_float(colors)
+        colors[..., 3] = round(level) if colors.dtype == np.uint8 else opacity
+    fields: dict[str, Any] = {"face_colors": None, "vertex_colors": None, "color": None}
+    fields["color" if colors.ndim == 1 else "vertex_colors" if scene.face_colors is None else "face_colors"] = colors
+    return replace(scene, **fields)
+
+
+def alike(arrays: list[Colors]) -> list[Colors]:
+    """The colours as they are if all are uint8, else all as float32."""
+    return arrays if all(array.dtype == np.uint8 for array in arrays) else [as_float(array) for array in arrays]
+
+
+def as_float(colors: Colors) -> NDArray[np.float32]:
+    """The colours as float32 0..1."""
+    return np.asarray(colors / np.float32(255) if colors.dtype == np.uint8 else colors, dtype=np.float32)
+
+
+def _array(name: str, value: ArrayLike) -> NDArray[Any]:
+    """value as an array of numbers, or InputError."""
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: expected an array of numbers, got {type(value).__name__}: {error}") from None
+
+
+def _described(array: NDArray[Any]) -> str:
+    """An array's shape and type, or the text that it is, for an error message."""
+    return repr(str(array)) if array.shape == () and array.dtype.kind == "U" else f"{list(array.shape)} {array.dtype}"

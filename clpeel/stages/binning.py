@@ -1,0 +1,157 @@
+"""Binning: screen triangles to a list for each tile, in submission order, batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from clpeel.device.devices import Gpu
+from clpeel.device.layout import PADDING, TILE, TILE_PIXELS
+from clpeel.device.program import cut, launch, program
+from clpeel.errors import InputError
+from clpeel.stages.projection import Triangles
+
+STAGE = "binning"
+PAIR_BYTES = 4
+"""Of a record in a tile's list: its number."""
+TILE_BYTES = 4 + 8
+"""Of a tile in a batch, whatever it holds: where its list begins, and how many fragments it has."""
+
+BATCH_SHARE = 4
+"""A batch's lists and tiles take at most this fraction (1 / n) of the budget; its fragments have the rest."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The lists of the tiles first_tile .. last_tile: records pairs[pair_start[i] : pair_start[i + 1]]."""
+
+    first_tile: int
+    last_tile: int
+    pair_start: cl.Buffer  # uint32 [tiles + 1]
+    pairs: cl.Buffer  # uint32 [tile_pairs.sum() and more]
+    tile_pairs: NDArray[np.int64]  # [tiles], how long the lists are
+
+    @property
+    def tiles(self) -> int:
+        """How many tiles it has."""
+        return self.last_tile - self.first_tile + 1
+
+    @property
+    def most_layers(self) -> int:
+        """The longest list: no pixel has more layers."""
+        return int(self.tile_pairs.max())
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """How many records meet each tile of the image, rows of tiles from the top."""
+
+    gpu: Gpu
+    triangles: Triangles
+    columns: int
+    chunk_records: int
+    chunk_count: int
+    counts: cl.Buffer  # uint32 [chunks, tiles and more]: where each chunk's records begin in the tile's list
+    tile_pairs: NDArray[np.int64]  # [tiles]
+
+    def ranges(self, budget: int, tile_bytes: int = TILE_BYTES) -> list[tuple[int, int]]:
+        """First and last tiles of runs whose lists, and `tile_bytes` for each tile, fit `budget` bytes (one tile at
+        least)."""
+        ends = np.cumsum(self.tile_pairs * PAIR_BYTES + tile_bytes)
+        found, tile, before = [], 0, 0
+        while tile < len(ends):
+            last = max(int(np.searchsorted(ends, before + budget, side="right")) - 1, tile)
+            found.append((tile, last))
+            tile, before = last + 1, int(ends[last])
+        return found
+
+    def batches(self, budget: int, tile_bytes: int = TILE_BYTES, middle_first: bool = False) -> Iterator[Batch]:
+        """All tiles, in the runs of `ranges`; a batch is gone when the next is asked for.
+
+        middle_first: begins with the run that has the middle one of all records, as one that is like the others.
+        """
+        runs = self.ranges(budget, tile_bytes)
+        if middle_first:
+            middle = int(np.searchsorted(np.cumsum(self.tile_pairs), self.tile_pairs.sum() / 2))
+            runs.sort(key=lambda run: not run[0] <= middle <= run[1])  # the others stay in order
+        for first_tile, last_tile in runs:
+            yield self._emit(first_tile, last_tile)
+
+    def _emit(self, first_tile: int, last_tile: int) -> Batch:
+        """The lists of these tiles, once: `counts` is used up."""
+        tile_pairs = self.tile_pairs[first_tile : last_tile + 1]
+        starts = np.zeros(len(tile_pairs) + 1, np.int64)
+        np.cumsum(tile_pairs, out=starts[1:])
+        pair_start = self.gpu.put("pair_start", starts.astype(np.uint32))
+        pairs = self.gpu.buffer("pairs", (int(starts[-1]) + (1 + self.chunk_count) * PADDING) * PAIR_BYTES)
+        kernel = program(self.gpu, "stages/setup.cl", self.triangles.setup_features)["bin_emit"]
+        launch(
+            self.gpu,
+            STAGE,
+            kernel,
+            self.chunk_count,
+            1,
+            **_walk(self.triangles, self.columns, self.chunk_records, len(self.tile_pairs), self.counts),
+            first_row=first_tile // self.columns,
+            last_row=last_tile // self.columns,
+            first_tile=first_tile,
+            last_tile=last_tile,
+            pair_start=pair_start,
+            pairs=pairs,
+        )
+        return Batch(first_tile, last_tile, pair_start, pairs, tile_pairs)
+
+
+def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
+    """Counts the records that meet each tile, chunk by chunk, within `budget` bytes.
+
+    Raises InputError when one tile has more than 2**24 records, whose fragments 32 bits could not count.
+    """
+    width, height = triangles.size
+    columns, rows = -(-width // TILE), -(-height // TILE)
+    tile_count = columns * rows
+    counts_apart = tile_count + columns + 1
+    chunk_records, chunks = cut(gpu, triangles.listed, budget // (4 * counts_apart))
+    counts = gpu.buffer("counts", 4 * chunks * counts_apart)
+    tile_pairs = gpu.buffer("tile_pairs", 4 * tile_count)
+    kernels = program(gpu, "stages/setup.cl", triangles.setup_features)
+    walk = _walk(triangles, columns, chunk_records, tile_count, counts)
+    launch(gpu, STAGE, kernels["bin_count"], chunks, 1, **walk, first_row=0, last_row=rows - 1)
+    launch(
+        gpu,
+        STAGE,
+        kernels["bin_offsets"],
+        tile_count,
+        chunk_count=chunks,
+        columns=columns,
+        tile_count=tile_count,
+        counts=counts,
+        tile_pairs=tile_pairs,
+    )
+    pairs = gpu.get(tile_pairs, tile_count, np.uint32).astype(np.int64)
+    if pairs.max(initial=0) >= 2**32 // TILE_PIXELS:
+        raise InputError(
+            f"scene: expected fewer than {2**32 // TILE_PIXELS:,} triangles in a tile of {TILE} x {TILE} pixels, "
+            f"got {pairs.max():,}; render a larger picture or part of the scene"
+        )
+    return Tiles(gpu, triangles, columns, chunk_records, chunks, counts, pairs)
+
+
+def _walk(triangles: Triangles, columns: int, chunk_records: int, tile_count: int, counts: cl.Buffer) -> dict[str, Any]:
+    """The arguments that both walks over the triangles take."""
+    return {
+        "triangles": triangles.records,
+        "bounds": triangles.bounds,
+        "record_count": triangles.listed,
+        "chunk_records": chunk_records,
+        "width": triangles.size[0],
+        "height": triangles.size[1],
+        "columns": columns,
+        "tile_count": tile_count,
+        "counts": counts,
+    }

@@ -1,0 +1,157 @@
+"""Counting: how many layers pixels have, and what a walk over their tiles takes, all of them or some (counting.cl)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from clpeel.device.devices import Gpu
+from clpeel.device.layout import COMPLEXITY_TOTALS, IS_OPAQUE, Features
+from clpeel.device.memory import MIN_MEMORY, MOST_LISTED
+from clpeel.device.program import Kernel, device_seconds, launch, program
+from clpeel.scene.camera import Camera
+from clpeel.stages.binning import BATCH_SHARE, PAIR_BYTES, Batch, bin_triangles
+from clpeel.stages.one_pass import draw_tiles, groups_for
+from clpeel.stages.projection import DeviceScene, Triangles, project
+from clpeel.stages.windows import walk_arguments
+
+STAGE = "counting"
+
+TILE_BYTES = 4 + 4 * COMPLEXITY_TOTALS
+"""Of a tile in a batch: where its list begins, and what is counted of it."""
+
+LOOKED_AT = 96
+"""Tiles that a look at a picture counts: enough for its layers, and a small part of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class TileCounts:
+    """What was counted of some tiles or all.
+
+    totals: int64 [n, COMPLEXITY_TOTALS] (counting.cl); records: int64 [n], how long their lists are; weights: float64
+    [n], for how many of the picture's tiles each stands. pixels: of the picture. features: of the scene.
+    """
+
+    totals: NDArray[np.int64]
+    records: NDArray[np.int64]
+    weights: NDArray[np.float64]
+    pixels: int
+    features: Features
+
+
+@dataclass(frozen=True, eq=False)
+class Counted:
+    """What counting a whole picture found.
+
+    layers, opaque: as of Complexity (depth_complexity.py). setup_seconds, walk_seconds: of the stages before, and of
+    counting.
+    """
+
+    layers: NDArray[np.int32]
+    opaque: NDArray[np.bool_]
+    tiles: TileCounts
+    setup_seconds: float
+    walk_seconds: float
+
+    @property
+    def seconds(self) -> float:
+        """Of all stages."""
+        return self.setup_seconds + self.walk_seconds
+
+
+def counting_kernel(gpu: Gpu, features: Features) -> Kernel:
+    """The kernel: neither colours nor what depths were computed from plays a part any more, which saves builds."""
+    plain = replace(features, perspective=True, low_positions=False, color_rate="scene", packed_color=True)
+    plain = replace(plain, headlight=False)
+    return program(gpu, "stages/counting.cl", plain, ALL_OPAQUE=int(features.surfaces == "opaque"))["count_layers"]
+
+
+def count_layers(
+    gpu: Gpu,
+    scene: DeviceScene,
+    camera: Camera,
+    size: tuple[int, int],
+    opaque_first: bool,
+    limit: int | None = None,
+    report: Callable[[float], None] | None = None,
+) -> Counted:
+    """Counts the layers of a view, tiles in batches whose lists fit `limit` bytes with the scene.
+
+    report: called now and then with the share done.
+    """
+    gpu.events.clear()
+    triangles = project(gpu, scene, camera, size, False, opaque_first)
+    held = scene.nbytes + triangles.nbytes
+    budget = max(gpu.default_budget(held) if limit is None else limit - held, MIN_MEMORY)
+    largest = int(gpu.device.max_mem_alloc_size)
+    tiles = bin_triangles(gpu, triangles, budget // BATCH_SHARE)
+    kernel = counting_kernel(gpu, triangles.features)
+    width, height = size
+    counts = np.empty((height, width), np.uint32)
+    on_device = cl.Buffer(gpu.context, cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR, hostbuf=counts)
+    done = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
+    at_tile = None if report is None else lambda tile: report(float(done[tile - 1]))
+    found: list[NDArray[np.uint32]] = []
+    for batch in tiles.batches(min(budget // BATCH_SHARE, largest, MOST_LISTED), TILE_BYTES + PAIR_BYTES):
+        totals = gpu.buffer("tile_totals", 4 * COMPLEXITY_TOTALS * batch.tiles)
+        draw_tiles(
+            gpu,
+            STAGE,
+            kernel,
+            groups_for(gpu, batch),
+            batch,
+            at_tile,
+            **walk_arguments(triangles, batch),
+            chosen=None,
+            layers=on_device,
+            tile_totals=totals,
+        )
+        found.append(gpu.get(totals, (batch.tiles, COMPLEXITY_TOTALS), np.uint32))
+    mapped, _ = cl.enqueue_map_buffer(
+        gpu.queue, on_device, cl.map_flags.READ, 0, counts.shape, counts.dtype, is_blocking=True
+    )
+    mapped.base.release(gpu.queue)
+    stages, _ = device_seconds(gpu)
+    on_device.release()
+    totals = np.concatenate(found).astype(np.int64)
+    return Counted(
+        layers=(counts & np.uint32(IS_OPAQUE - 1)).view(np.int32),
+        opaque=counts >= np.uint32(IS_OPAQUE),
+        tiles=TileCounts(totals, tiles.tile_pairs, np.ones(len(totals)), width * height, triangles.features),
+        setup_seconds=sum(seconds for stage, seconds in stages.items() if stage != STAGE),
+        walk_seconds=stages.get(STAGE, 0.0),
+    )
+
+
+def look_at_some(gpu: Gpu, triangles: Triangles, batch: Batch) -> TileCounts:
+    """Counts LOOKED_AT tiles of a batch, spread evenly over its records; each stands for as many as it was passed by.
+
+    A tile is taken as often as its list is long, so that what grows with lists is known best.
+    """
+    ends = np.cumsum(batch.tile_pairs)
+    total = int(ends[-1])
+    steps = (np.arange(LOOKED_AT) + 0.5) * (total / LOOKED_AT)
+    chosen, times = np.unique(np.searchsorted(ends, steps, side="right"), return_counts=True)
+    records = batch.tile_pairs[chosen]
+    totals = gpu.buffer("looked_at", 4 * COMPLEXITY_TOTALS * len(chosen))
+    launch(
+        gpu,
+        STAGE,
+        counting_kernel(gpu, triangles.features),
+        min(groups_for(gpu, batch), len(chosen)),
+        gpu.lanes,
+        **walk_arguments(triangles, batch),
+        next_tile=gpu.put("next_tile", np.zeros(1, np.uint32)),
+        to_tile=len(chosen),
+        chosen=gpu.put("chosen", chosen.astype(np.uint32)),
+        layers=None,
+        tile_totals=totals,
+    )
+    counted = gpu.get(totals, (len(chosen), COMPLEXITY_TOTALS), np.uint32).astype(np.int64)
+    width, height = triangles.size
+    weights = times * (total / LOOKED_AT) / records
+    return TileCounts(counted, records, weights, width * height, triangles.features)

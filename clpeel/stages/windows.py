@@ -1,0 +1,183 @@
+"""Rasterization: a batch of tiles to fragments, in windows that fit the memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from clpeel.device.devices import Gpu
+from clpeel.device.layout import COLOR_BYTES, FRAGMENT_BYTES, SOURCE_BYTES, TILE, TILE_PIXELS, Features
+from clpeel.device.program import launch, program
+from clpeel.errors import InputError
+from clpeel.stages.binning import Batch
+from clpeel.stages.projection import Triangles
+
+STAGE = "rasterization"
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many fragments a batch's tiles and pixels have.
+
+    totals, layers: int64 [tiles], of each tile and of its deepest pixel; pixel_end: uint32 [tiles, TILE_PIXELS],
+    inclusive prefix sums within each tile.
+    """
+
+    totals: NDArray[np.int64]
+    layers: NDArray[np.int64]
+    pixel_end: cl.Buffer
+
+
+@dataclass(frozen=True)
+class Fragments:
+    """The fragments of a window: whole tiles, or some pixels of one tile.
+
+    fragments: uint64 [count], depth key << 32 | payload (raster.h), pixel by pixel, each pixel's in submission order.
+    A pixel's begin at tile_start[tile] - start + pixel_end[pixel before] and end at tile_start[tile] - start +
+    pixel_end[pixel], `tile` being its place in the batch; all modulo 2**32.
+    colors: float32 [count, 4] straight RGBA where colours vary over faces, else the scene's palette.
+    sources: uint32 [count] faces where colours vary over them, if they were asked for, else None.
+    """
+
+    features: Features
+    window_tile: int  # first tile of the window, in the batch
+    tiles: int
+    first_pixel: int  # of each tile, 0 and 255 but where a tile is split
+    last_pixel: int
+    count: int
+    layers_max: int
+    fragments: cl.Buffer
+    colors: cl.Buffer
+    sources: cl.Buffer | None
+    pixel_end: cl.Buffer  # uint32 [batch tiles, TILE_PIXELS]
+    tile_start: cl.Buffer  # uint32 [batch tiles]
+    start: int  # the window's first fragment, in the batch
+
+
+@dataclass(frozen=True)
+class _Window:
+    first: int
+    tiles: int
+    first_pixel: int
+    last_pixel: int
+    count: int
+    layers_max: int
+    start: int
+
+
+def walk_arguments(triangles: Triangles, batch: Batch) -> dict[str, Any]:
+    """The kernel arguments of a walk over a batch's records (raster.h)."""
+    width, height = triangles.size
+    return {
+        "triangles": triangles.records,
+        "pair_start": batch.pair_start,
+        "pairs": batch.pairs,
+        "first_tile": batch.first_tile,
+        "columns": -(-width // TILE),
+        "width": width,
+        "height": height,
+        "depth_scale": triangles.depth_scale,
+    }
+
+
+def count_fragments(gpu: Gpu, triangles: Triangles, batch: Batch) -> Counts:
+    """Counts the batch's fragments, pixel by pixel."""
+    pixel_end = gpu.buffer("pixel_end", 4 * TILE_PIXELS * batch.tiles)
+    tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
+    kernel = program(gpu, "stages/windows.cl", triangles.features)["count_fragments"]
+    outputs = {"pixel_end": pixel_end, "tile_totals": tile_totals}
+    launch(gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk_arguments(triangles, batch), **outputs)
+    totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32).astype(np.int64)
+    return Counts(totals[:, 0], totals[:, 1], pixel_end)
+
+
+def too_deep(layers: int, capacity: int) -> InputError:
+    """What to say where the memory does not hold one pixel's fragments."""
+    return InputError(
+        f"memory: expected room for the {layers:,} fragments of one pixel, got room for {capacity:,}; raise --memory"
+    )
+
+
+def rasterize(
+    gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int, with_sources: bool = False
+) -> Iterator[Fragments]:
+    """The batch's fragments in the device's memory, at most `capacity` at a time: for techniques of several passes.
+
+    with_sources: whether fragments with colours of their own tell their faces too. Raises InputError when a single
+    pixel has more than that.
+    """
+    features = triangles.features
+    counts = count_fragments(gpu, triangles, batch)
+    pixel_end = counts.pixel_end
+    tile_start = gpu.put("tile_start", (np.cumsum(counts.totals) - counts.totals).astype(np.uint32))
+
+    def pixels_of(tile: int) -> NDArray[np.int64]:
+        return gpu.get(pixel_end, TILE_PIXELS, np.uint32, offset=4 * TILE_PIXELS * tile).astype(np.int64)
+
+    for window in _windows(counts, pixels_of, capacity):
+        fragments = gpu.buffer("fragments", FRAGMENT_BYTES * window.count)
+        colors = gpu.buffer("colors", COLOR_BYTES * window.count) if features.fragment_color else None
+        with_faces = with_sources and features.fragment_color
+        sources = gpu.buffer("sources", SOURCE_BYTES * window.count) if with_faces else None
+        launch(
+            gpu,
+            STAGE,
+            program(gpu, "stages/windows.cl", features)["emit_fragments"],
+            window.tiles,
+            gpu.lanes,
+            **walk_arguments(triangles, batch),
+            **triangles.shading,
+            pixel_end=pixel_end,
+            window_tile=window.first,
+            tile_start=tile_start,
+            window_start=window.start % 2**32,
+            capacity=window.count,
+            fragments=fragments,
+            colors=colors,
+            sources=sources,
+        )
+        yield Fragments(
+            features=features,
+            window_tile=window.first,
+            tiles=window.tiles,
+            first_pixel=window.first_pixel,
+            last_pixel=window.last_pixel,
+            count=window.count,
+            layers_max=window.layers_max,
+            fragments=fragments,
+            colors=triangles.scene.palette if colors is None else colors,
+            sources=sources,
+            pixel_end=pixel_end,
+            tile_start=tile_start,
+            start=window.start % 2**32,
+        )
+
+
+def _windows(counts: Counts, pixels_of: Callable[[int], NDArray[np.int64]], capacity: int) -> Iterator[_Window]:
+    """Runs of tiles of at most `capacity` fragments; a tile deeper than that in runs of pixels."""
+    totals, layers = counts.totals, counts.layers
+    after = np.cumsum(totals)
+    tile = 0
+    while tile < len(totals):
+        before = int(after[tile] - totals[tile])
+        stop = int(np.searchsorted(after, before + capacity, side="right"))
+        if stop > tile:
+            count, deepest = int(after[stop - 1]) - before, int(layers[tile:stop].max())
+            yield _Window(tile, stop - tile, 0, TILE_PIXELS - 1, count, deepest, before)
+            tile = stop
+            continue
+        ends = pixels_of(tile)
+        pixel, done = 0, 0
+        while pixel < TILE_PIXELS:
+            stop = int(np.searchsorted(ends, done + capacity, side="right"))
+            if stop == pixel:
+                raise too_deep(int(ends[pixel]) - done, capacity)
+            count = int(ends[stop - 1]) - done
+            yield _Window(tile, 1, pixel, stop - 1, count, int(layers[tile]), before + done)
+            pixel, done = stop, int(ends[stop - 1])
+        tile += 1

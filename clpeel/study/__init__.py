@@ -1,0 +1,1 @@
+"""Studies: pictures and counts set beside each other."""

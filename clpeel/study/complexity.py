@@ -1,0 +1,250 @@
+"""Depth complexity: how many layers each pixel has, and what a picture of them would take, before it is drawn."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.device.layout import ALL_LAYERS
+from clpeel.device.memory import parse_memory
+from clpeel.errors import InputError
+from clpeel.pictures.colormap import colors_at
+from clpeel.pictures.png import save_png
+from clpeel.pictures.scale_bar import draw_scale_bar
+from clpeel.rendering.estimates import estimated_seconds
+from clpeel.rendering.renderer import LIGHTINGS, Progress, Renderer, check_picture_fits, checked_size
+from clpeel.rendering.renderer import OPAQUE as OPAQUE_CHOICES
+from clpeel.scene.camera import Camera
+from clpeel.scene.scene import Scene, checked_background
+from clpeel.stages.counting import Counted, count_layers
+from clpeel.stages.opaque import opaque_bytes
+from clpeel.stages.projection import upload
+from clpeel.techniques import TECHNIQUES, Technique
+
+PIXEL_BYTES = 4 + 4 + 4 + 1
+"""Of the host's memory: the counts as they come, the two maps, and a heat map."""
+
+SOON = 0.3
+"""Seconds: what is done sooner is done once more, as the first time also pays for memory that is new."""
+
+STRIP_PIXELS = 1 << 20
+"""Pixels that are gone through at once, which bounds what that takes besides the maps."""
+
+
+@dataclass(frozen=True)
+class Need:
+    """What a technique would need for the picture, with its own options left as they are.
+
+    passes: geometry passes, as its paper counts them; peeling takes fewer where nothing more can be seen, as alphas
+    leave nothing through that float32 holds. bytes_per_pixel: what it keeps of a pixel, with what opaque
+    surfaces take where they come first. exact: whether it blends every layer in order. left_out: fragments that it
+    would not show, being behind all that it peels; None where it shows all or does not tell layers apart. seconds: of
+    the device, for one picture of a scene that it holds, kernels built: an estimate; None where its cost has not been
+    measured.
+    """
+
+    technique: str
+    passes: int
+    bytes_per_pixel: int
+    exact: bool
+    left_out: int | None
+    seconds: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Complexity:
+    """The layers of every pixel and what they would take.
+
+    layers: int32 [height, width], row 0 on top: the transparent fragments in front of the opaque surface, or all where
+    opaque="blend". opaque: bool [height, width], where there is an opaque surface. needs: a row for each technique.
+    triangles: of the scene. seconds: what counting took, by the device's clock.
+
+    Covered pixels are those with a layer or an opaque surface; figures are of these.
+    """
+
+    layers: NDArray[np.int32]
+    opaque: NDArray[np.bool_]
+    needs: tuple[Need, ...]
+    triangles: int
+    seconds: float
+
+    @cached_property
+    def histogram(self) -> NDArray[np.int64]:
+        """How many pixels, covered or not, have 0, 1, ... layers: int64 [max + 1]."""
+        flat, most = self.layers.reshape(-1), int(self.layers.max())
+        parts = (flat[at : at + STRIP_PIXELS] for at in range(0, len(flat), STRIP_PIXELS))
+        return sum((np.bincount(part, minlength=most + 1) for part in parts), np.zeros(most + 1, np.int64))
+
+    @cached_property
+    def covered_histogram(self) -> NDArray[np.int64]:
+        """The same of covered pixels alone: int64 [max + 1]."""
+        histogram = self.histogram.copy()
+        histogram[0] = np.count_nonzero(self.opaque & (self.layers == 0))
+        return histogram
+
+    @property
+    def fragments(self) -> int:
+        """All layers of all pixels."""
+        return int(self.histogram @ np.arange(len(self.histogram)))
+
+    @property
+    def covered(self) -> int:
+        """Pixels with a layer or an opaque surface."""
+        return int(self.covered_histogram.sum())
+
+    @property
+    def covered_share(self) -> float:
+        """Those, 0..1 of all."""
+        return self.covered / self.layers.size
+
+    @property
+    def max(self) -> int:
+        """The most layers that a pixel has."""
+        return len(self.histogram) - 1
+
+    @property
+    def mean(self) -> float:
+        """Layers of a covered pixel; 0 where there is none."""
+        return self.fragments / self.covered if self.covered else 0.0
+
+    @property
+    def median(self) -> int:
+        """The least number that at least half of the covered pixels do not exceed; 0 where there is none."""
+        return self.percentile(50)
+
+    def percentile(self, percent: float) -> int:
+        """The least number of layers that at least so many percent of the covered pixels do not exceed.
+
+        Raises InputError for percents not in 0..100.
+        """
+        if not 0 <= percent <= 100:
+            raise InputError(f"percent: expected 0..100, got {percent!r}")
+        if not self.covered:
+            return 0
+        up_to = np.cumsum(self.covered_histogram)
+        return int(np.searchsorted(up_to, max(math.ceil(percent * self.covered / 100), 1)))
+
+    def figures(self) -> dict[str, Any]:
+        """All but the maps, as numbers, lists and texts, such as JSON takes."""
+        height, width = self.layers.shape
+        return {
+            "size": [width, height],
+            "triangles": self.triangles,
+            "fragments": self.fragments,
+            "covered_pixels": self.covered,
+            "covered_share": self.covered_share,
+            "opaque_pixels": int(np.count_nonzero(self.opaque)),
+            "layers_max": self.max,
+            "layers_mean": self.mean,
+            "layers_median": self.median,
+            "layers_99th_percentile": self.percentile(99),
+            "histogram": self.histogram.tolist(),
+            "counting_seconds": self.seconds,
+            "techniques": [asdict(need) for need in self.needs],
+        }
+
+    def image(self, background: Sequence[float] | str | None = (1, 1, 1), scale_bar: bool = True) -> NDArray[np.uint8]:
+        """The layers in colours, 0 to the most (at least 1), where a pixel is covered: uint8 [height, width, 4].
+
+        background: 3 numbers 0..1, or None for a transparent one, else InputError. scale_bar: in the emptiest corner,
+        where there is room.
+        """
+        over = checked_background(background)
+        most = max(self.max, 1)
+        colors = np.concatenate([colors_at(np.arange(most + 1) / most), np.ones((most + 1, 1))], axis=-1)
+        palette = (colors * 255 + 0.5).astype(np.uint8)
+        image = np.empty((*self.layers.shape, 4), np.uint8)
+        rows = max(STRIP_PIXELS // self.layers.shape[1], 1)
+        for top in range(0, len(image), rows):
+            strip = slice(top, top + rows)
+            image[strip] = palette[self.layers[strip]]
+            empty = ~((self.layers[strip] > 0) | self.opaque[strip])
+            image[strip][empty] = (0, 0, 0, 0) if over is None else (np.array([*over, 1]) * 255 + 0.5).astype(np.uint8)
+        if scale_bar:
+            draw_scale_bar(image, 0, most, "layers", (self.layers > 0) | self.opaque, False, whole=True)
+        return image
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the heat map over white as a PNG, whole or not at all. Raises InputError where it cannot."""
+        save_png(path, self.image())
+
+
+def complexity(
+    scene: Scene,
+    camera: Camera | None = None,
+    size: tuple[int, int] = (1024, 1024),
+    lighting: str = "none",
+    *,
+    opaque: str = "first",
+    memory: int | str | None = None,
+    device: int | str | None = None,
+    lanes: int | None = None,
+    progress: Progress | None = None,
+) -> Complexity:
+    """Counts the layers of every pixel, of one sample each, and says what each technique would need.
+
+    All are as for `render`: camera, by default `Camera.frame(scene)`; size: (width, height) in pixels; lighting, which
+    only makes estimates longer; opaque: "first" counts transparent fragments in front of opaque surfaces alone, "blend"
+    all; memory: bytes, or text such as "512M"; device, lanes; progress: called with the share done (0..1) and a text.
+    Raises InputError on any of these that cannot be.
+    """
+    renderer = Renderer(scene, device, lanes)
+    size = checked_size(size)
+    if lighting not in LIGHTINGS:
+        raise InputError(f"lighting: expected one of {', '.join(LIGHTINGS)}; got {lighting!r}")
+    if opaque not in OPAQUE_CHOICES:
+        raise InputError(f"opaque: expected one of {', '.join(OPAQUE_CHOICES)}; got {opaque!r}")
+    check_picture_fits(size, PIXEL_BYTES)
+    limit = None if memory is None else parse_memory(memory)
+    if camera is None:
+        camera = Camera.frame(scene, aspect=size[0] / size[1])
+    report = progress or (lambda done, text: None)
+    report(0.0, "uploading")
+    with renderer.working():
+        on_device = upload(renderer.gpu, scene)
+        told = None if progress is None else lambda done: report(done, "counting")
+        counted = count_layers(renderer.gpu, on_device, camera, size, opaque == "first", limit, told)
+        if counted.seconds < SOON:
+            again = count_layers(renderer.gpu, on_device, camera, size, opaque == "first", limit, told)
+            counted = replace(
+                counted,
+                setup_seconds=min(counted.setup_seconds, again.setup_seconds),
+                walk_seconds=min(counted.walk_seconds, again.walk_seconds),
+            )
+    report(1.0, "done")
+    shaded = replace(counted.tiles.features, headlight=lighting != "none").fragment_color
+    needs = tuple(need_of(name, counted, shaded) for name in TECHNIQUES)
+    return Complexity(counted.layers, counted.opaque, needs, len(scene.faces), counted.seconds)
+
+
+def left_out_by(technique: Technique, counted: Counted) -> int | None:
+    """Fragments behind all that it peels of their pixel; None where it does not tell layers apart."""
+    if technique.peeled is None:
+        return None
+    peeled = sum(technique.peeled())
+    return int(np.maximum(counted.layers - peeled, 0).sum(dtype=np.int64)) if peeled < ALL_LAYERS else 0
+
+
+def need_of(name: str, counted: Counted, shaded: bool) -> Need:
+    """What the technique of that name would need."""
+    technique = TECHNIQUES[name]
+    surfaces = counted.tiles.features.surfaces
+    # Maps are of all surfaces, whatever their alphas; all others have nothing left to do where all is opaque.
+    deepest = int(counted.tiles.totals[:, 4 if technique.maps else 1].max())
+    nothing = surfaces == "opaque" and not technique.maps
+    kept = technique.buffer_bytes(deepest, {})
+    return Need(
+        technique=name,
+        passes=0 if nothing else technique.passes_for(deepest, {}),
+        bytes_per_pixel=kept + (opaque_bytes({}) if surfaces == "mixed" and not technique.maps else 0),
+        exact=technique.exact,
+        left_out=left_out_by(technique, counted),
+        seconds=estimated_seconds(name, technique, counted, shaded, {}),
+    )

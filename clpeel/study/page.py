@@ -1,0 +1,322 @@
+"""A comparison as one page of HTML that needs nothing else: plot, table, pictures and maps of their errors."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.errors import InputError
+from clpeel.pictures.colormap import colors_at
+from clpeel.pictures.png import encode_png
+from clpeel.study.comparison import COLUMNS, STEP, Comparison, Row, error_text, milliseconds
+
+LEAST_STEP, MOST_STEP = 0.25, 255.0
+"""Steps of 8 bits that the first and the last colour of an error stand for; what is less cannot be seen: black."""
+
+STYLE = """
+:root { color-scheme: light dark; --paper: #fff; --ink: #1c1e21; --soft: #5f6670; --line: #d9dde2; --tint: #f4f6f8;
+  --front: #0b62c4; --other: #8a929c; }
+@media (prefers-color-scheme: dark) { :root { --paper: #14171b; --ink: #e7eaee; --soft: #9aa3ad; --line: #343a42;
+  --tint: #1d2127; --front: #6db3ff; --other: #737c87; } }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 76rem; padding: 1.5rem 1rem 4rem; background: var(--paper); color: var(--ink);
+  font: 1rem/1.5 system-ui, sans-serif; }
+h1 { font-size: 1.6rem; line-height: 1.2; margin: 0 0 .25rem; overflow-wrap: anywhere; }
+h2 { font-size: 1.2rem; margin: 2.5rem 0 .5rem; }
+p { margin: .5rem 0; max-width: 50rem; }
+.soft { color: var(--soft); }
+.wide { overflow-x: auto; }
+.plot { display: block; width: 100%; min-width: 40rem; height: auto; font: 13px system-ui, sans-serif; }
+.plot text { fill: var(--soft); paint-order: stroke; stroke: var(--paper); stroke-width: 4px; }
+.plot .grid { stroke: var(--line); }
+.plot .leader { stroke: var(--soft); opacity: .5; }
+.plot .step { stroke: var(--front); fill: none; stroke-width: 2; opacity: .55; }
+.plot .eye { stroke: var(--soft); stroke-dasharray: 4 4; }
+.plot circle { fill: var(--other); stroke: var(--paper); stroke-width: 1.5; }
+.plot .on circle { fill: var(--front); }
+.plot .on text { fill: var(--ink); font-weight: 600; }
+.plot .spread { stroke: var(--other); }
+table { border-collapse: collapse; font-size: .875rem; font-variant-numeric: tabular-nums; width: 100%; }
+th, td { padding: .3rem .6rem; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); }
+th:first-child, td:first-child { text-align: left; position: sticky; left: 0; background: var(--paper); }
+thead th { color: var(--soft); font-weight: 600; }
+tbody th { font-weight: 400; }
+.on th { font-weight: 600; color: var(--front); }
+.cards { display: grid; align-items: start;
+  grid-template-columns: repeat(auto-fill, minmax(min(100%, 30rem), 1fr)); gap: 1.25rem; }
+figure { margin: 0; padding: .75rem; background: var(--tint); border-radius: .5rem; }
+figure div { display: grid; grid-template-columns: 1fr 1fr; gap: .5rem; }
+figure.truth div { grid-template-columns: 1fr; }
+img { display: block; width: 100%; height: auto; border-radius: .25rem; }
+figcaption { margin-top: .5rem; font-size: .875rem; }
+.scale { display: block; width: 100%; max-width: 34rem; height: auto; font: 13px system-ui, sans-serif; }
+.scale text { fill: var(--soft); }
+"""
+
+
+def page(comparison: Comparison, title: str) -> str:
+    """The whole page; well formed as XML, too. Raises InputError where the rows have no pictures."""
+    if any(row.image is None or row.error is None for row in comparison.rows):
+        raise InputError("pictures: expected a comparison made with pictures=True, got one without")
+    width, height = comparison.size
+    legend = "".join(f"<p class='soft'>{escape(line)}</p>" for line in comparison.legend())
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8"/>
+<meta name="viewport" content="width=device-width, initial-scale=1"/>
+<title>{escape(title)}: techniques compared</title>
+<style>{STYLE}</style>
+</head>
+<body>
+<h1>{escape(title)}</h1>
+<p class="soft">{comparison.triangles:,} triangles, {comparison.fragments:,} fragments, at most {comparison.layers_max}
+in a pixel; {width} × {height} pixels; {escape(comparison.device)}</p>
+<h2>Time against error</h2>
+<p class="soft">Down and to the left is better. The line joins what nothing here beats in both.</p>
+<div class="wide">{plot(comparison)}</div>
+<h2>Figures</h2>
+<div class="wide">{table(comparison)}</div>
+{legend}
+<h2>Pictures and their errors</h2>
+<p class="soft">The greatest error of a pixel's channels, in steps of 8 bits; black where it is below a quarter of one,
+which no picture shows. Techniques with the same picture and the same map share one.</p>
+{scale()}
+<div class="cards">
+{truth(comparison)}
+{"".join(cards(comparison))}</div>
+</body>
+</html>
+"""
+
+
+def table(comparison: Comparison) -> str:
+    """The rows, as in the terminal."""
+    headings = ["technique", *(heading for heading, _ in COLUMNS)]
+    heads = "".join(f"<th scope='col'>{escape(heading)}</th>" for heading in headings)
+    lines = [
+        f"<tr{_class(on)}><th scope='row'>{'* ' if on else ''}{escape(row.name)}</th>"
+        + "".join(f"<td>{escape(cell(row))}</td>" for _, cell in COLUMNS)
+        + "</tr>"
+        for row, on in zip(comparison.rows, comparison.front(), strict=True)
+    ]
+    return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
+
+
+def _class(on_front: bool) -> str:
+    return " class='on'" if on_front else ""
+
+
+# --- pictures ---------------------------------------------------------------------------------------------------------
+
+
+def heat(error: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Errors of 1 [height, width] as colours, by their logarithm: uint8 [height, width, 4]."""
+    steps = np.asarray(error, np.float64) / STEP
+    place = np.log(np.maximum(steps, LEAST_STEP) / LEAST_STEP) / math.log(MOST_STEP / LEAST_STEP)
+    colors = np.where((steps >= LEAST_STEP)[..., None], colors_at(place), 0.0)
+    return np.concatenate([(colors * 255 + 0.5).astype(np.uint8), np.full((*error.shape, 1), 255, np.uint8)], axis=-1)
+
+
+def _picture(image: NDArray[np.uint8], text: str) -> str:
+    data = base64.b64encode(encode_png(image)).decode()
+    height, width = image.shape[:2]
+    return (
+        f"<img src='data:image/png;base64,{data}' alt='{escape(text, quote=True)}' width='{width}' height='{height}' "
+        "loading='lazy'/>"
+    )
+
+
+def truth(comparison: Comparison) -> str:
+    """The picture that all are compared with."""
+    image = _picture(comparison.truth_image(), "truth")
+    caption = "<figcaption><b>truth</b>, blended in float64</figcaption>"
+    return f"<figure class='truth'><div>{image}</div>{caption}</figure>\n"
+
+
+def cards(comparison: Comparison) -> list[str]:
+    """A figure for each picture and map of errors, with the names of all rows that have these."""
+    groups: dict[tuple[bytes, bytes], list[Row]] = {}
+    for row in comparison.rows:
+        assert row.image is not None and row.error is not None
+        groups.setdefault((row.image.tobytes(), heat(row.error).tobytes()), []).append(row)
+    figures = []
+    for rows in groups.values():
+        image, error = rows[0].image, rows[0].error
+        assert image is not None and error is not None
+        names = "; ".join(row.name for row in rows)
+        worst = max(row.max_error for row in rows) / STEP
+        figures.append(
+            f"<figure><div>{_picture(image, names)}{_picture(heat(error), 'errors of ' + names)}</div>"
+            f"<figcaption><b>{'</b><br/><b>'.join(escape(row.name) for row in rows)}</b><br/>"
+            f"<span class='soft'>off by {_steps(worst)}</span></figcaption></figure>\n"
+        )
+    return figures
+
+
+def _steps(steps: float) -> str:
+    return "less than a thousandth of a step" if steps < 1e-3 else f"at most {steps:.3g} steps"
+
+
+def scale() -> str:
+    """Which colour of a map is how many steps."""
+    left, bar = 90, 420
+    parts = [
+        f"<rect x='0' y='4' width='{left - 14}' height='16' fill='#000'/>"
+        f"<text x='{(left - 14) / 2}' y='36' text-anchor='middle'>less</text>"
+    ]
+    for k in range(bar // 6):
+        red, green, blue = (colors_at(np.array((k + 0.5) * 6 / bar)) * 255 + 0.5).astype(int)
+        parts.append(f"<rect x='{left + 6 * k}' y='4' width='6.5' height='16' fill='rgb({red},{green},{blue})'/>")
+    for steps, text in ((0.25, "¼"), (1, "1"), (4, "4"), (16, "16"), (64, "64"), (255, "255 steps")):
+        x = left + bar * math.log(steps / LEAST_STEP) / math.log(MOST_STEP / LEAST_STEP)
+        parts.append(f"<text x='{x:.1f}' y='36' text-anchor='middle'>{text}</text>")
+    return f"<svg class='scale' viewBox='0 0 560 42' role='img' aria-label='colours of errors'>{''.join(parts)}</svg>"
+
+
+# --- the plot ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Numbers to places along a line, by their logarithm."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    def at(self, value: float) -> float:
+        """The place; of what lies outside, the nearer end."""
+        value = min(max(value, self.low), self.high)
+        return self.start + (self.end - self.start) * math.log(value / self.low) / math.log(self.high / self.low)
+
+
+WIDTH, HEIGHT = 960, 560
+LEFT, RIGHT, TOP, BOTTOM = 70, 24, 20, 46
+CHARACTER, LINE = 7.6, 15
+"""Of a label at most, in the plot's units: the mean of its letters in bold, and a line's height."""
+
+
+def plot(comparison: Comparison) -> str:
+    """Time against RMS error, both logarithmic, with the front: an SVG."""
+    rows, front = comparison.rows, comparison.front()
+    errors = [row.rms_error for row in rows if row.rms_error > 0] or [1e-8]
+    x = Axis(
+        0.8 * min(row.seconds_least for row in rows),
+        1.35 * max(row.seconds_greatest for row in rows),
+        LEFT,
+        WIDTH - RIGHT,
+    )
+    low = 10.0 ** (math.floor(math.log10(min(errors))) - 1)
+    y = Axis(low, max(10.0 ** math.ceil(math.log10(max(errors))), 1e-2), HEIGHT - BOTTOM, TOP)
+    parts = [*_grid(x, y), _steps_line(x, y, comparison)]
+    points = [(x.at(row.seconds_median), y.at(row.rms_error)) for row in rows]
+    parts.append(_front(points, front))
+    labels = place_labels(points, [row.name for row in rows], front)
+    lines, marks = [], []
+    # What is on the front is drawn last, over the others, and words over all lines.
+    for k in sorted(range(len(rows)), key=lambda k: front[k]):
+        row, (px, py), (lx, ly) = rows[k], points[k], labels[k]
+        about = f"{row.name}: {milliseconds(row.seconds_median)} ms, RMS {error_text(row.rms_error)}"
+        nearest = min(max(px, lx), lx + CHARACTER * len(row.name))
+        least, greatest = x.at(row.seconds_least), x.at(row.seconds_greatest)
+        lines.append(
+            f"<line class='leader' x1='{px:.1f}' y1='{py:.1f}' x2='{nearest:.1f}' y2='{ly - 4:.1f}'/>"
+            f"<line class='spread' x1='{least:.1f}' y1='{py:.1f}' x2='{greatest:.1f}' y2='{py:.1f}'/>"
+        )
+        marks.append(
+            f"<g{_class(front[k])}><title>{escape(about)}</title><circle cx='{px:.1f}' cy='{py:.1f}' r='5.5'/>"
+            f"<text x='{lx:.1f}' y='{ly:.1f}'>{escape(row.name)}</text></g>"
+        )
+    parts += lines + marks
+    box = f"viewBox='0 0 {WIDTH} {HEIGHT}' role='img' aria-label='time against error'"
+    return f"<svg class='plot' {box}>{''.join(parts)}</svg>"
+
+
+def _grid(x: Axis, y: Axis) -> list[str]:
+    """Lines and numbers at 1, 2 and 5 times powers of ten of milliseconds, and at powers of ten of errors."""
+    parts = []
+    for power in range(math.floor(math.log10(1e3 * x.low)), math.ceil(math.log10(1e3 * x.high)) + 1):
+        for factor in (1, 2, 5):
+            value = factor * 10.0**power
+            if x.low <= value / 1e3 <= x.high:
+                at = x.at(value / 1e3)
+                parts.append(
+                    f"<line class='grid' x1='{at:.1f}' y1='{TOP}' x2='{at:.1f}' y2='{HEIGHT - BOTTOM}'/>"
+                    f"<text x='{at:.1f}' y='{HEIGHT - BOTTOM + 18}' text-anchor='middle'>{value:g}</text>"
+                )
+    for power in range(round(math.log10(y.low)), round(math.log10(y.high)) + 1):
+        at = y.at(10.0**power)
+        # The lowest line is where those without any error are.
+        label = "0" if power == round(math.log10(y.low)) else f"1e{power}" if power else "1"
+        parts.append(
+            f"<line class='grid' x1='{LEFT}' y1='{at:.1f}' x2='{WIDTH - RIGHT}' y2='{at:.1f}'/>"
+            f"<text x='{LEFT - 8}' y='{at + 4:.1f}' text-anchor='end'>{label}</text>"
+        )
+    middle = (TOP + HEIGHT - BOTTOM) / 2
+    parts.append(
+        f"<text x='{(LEFT + WIDTH - RIGHT) / 2}' y='{HEIGHT - 6}' text-anchor='middle'>"
+        "milliseconds a frame, median</text>"
+        f"<text transform='translate(16 {middle}) rotate(-90)' text-anchor='middle'>RMS error, of 1</text>"
+    )
+    return parts
+
+
+def _steps_line(x: Axis, y: Axis, comparison: Comparison) -> str:
+    """Where the error is one step of 8 bits."""
+    at = y.at(STEP)
+    return (
+        f"<line class='eye' x1='{x.start}' y1='{at:.1f}' x2='{x.end}' y2='{at:.1f}'/>"
+        f"<text x='{x.end - 4}' y='{at - 5:.1f}' text-anchor='end'>1/255</text>"
+    )
+
+
+def _front(points: Sequence[tuple[float, float]], front: Sequence[bool]) -> str:
+    """The stairs that no point lies below: right at the same error, then down."""
+    on = sorted(point for point, is_on in zip(points, front, strict=True) if is_on)
+    if not on:
+        return ""
+    path = f"M{on[0][0]:.1f} {TOP}V{on[0][1]:.1f}"
+    for px, py in on[1:]:
+        path += f"H{px:.1f}V{py:.1f}"
+    return f"<path class='step' d='{path}H{WIDTH - RIGHT}'/>"
+
+
+def place_labels(
+    points: Sequence[tuple[float, float]], names: Sequence[str], front: Sequence[bool]
+) -> list[tuple[float, float]]:
+    """Where each label begins, on its baseline: beside its point, or near it where it meets no point and no label."""
+    boxes = [(px - 6, py - 6, px + 6, py + 6) for px, py in points]
+    places: list[tuple[float, float]] = [(0.0, 0.0)] * len(points)
+    for k in sorted(range(len(points)), key=lambda k: (not front[k], points[k])):
+        (px, py), length = points[k], CHARACTER * len(names[k])
+        best = None
+        for away in range(0, 400, 8):
+            for dx, dy in ((10, 4), (-10 - length, 4), (10, 4 - away), (10, 4 + away), (-10 - length, 4 - away),
+                           (-10 - length, 4 + away), (-length / 2, -12 - away), (-length / 2, 20 + away)):  # fmt: skip
+                left = min(max(px + dx, LEFT + 4), WIDTH - RIGHT - length)
+                base = py + dy
+                box = (left, base - LINE + 3, left + length, base + 4)
+                if box[1] < TOP or box[3] > HEIGHT - BOTTOM - 2:
+                    continue
+                if not any(
+                    box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3]
+                    for other in boxes
+                ):
+                    best = (left, base, box)
+                    break
+            if best:
+                break
+        if best is None:
+            left = min(px + 10, WIDTH - RIGHT - length)
+            best = (left, py + 4, (left, py - LINE + 7, left + length, py + 8))
+        places[k] = best[0], best[1]
+        boxes.append(best[2])
+    return places

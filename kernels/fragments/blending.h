@@ -1,0 +1,114 @@
+// The blend equations of the papers, as the hardware's fixed function would do them, for STRIP pixels at once.
+#ifndef BLENDING_H
+#define BLENDING_H
+
+#include "base/common.h"
+
+// Colours are blended into buffers of PRECISION (clpeel/blending.py), where each blend's result is rounded as it is stored:
+//
+//   0   float32
+//   1   16-bit floats: to the nearest, halves to even; beyond 65504 infinity
+//   2   8 bits, from 0 to 1 in 255 steps: times 255, and a half more, without its fraction; clamped
+//
+// FULL is what stands for 1 there: steps are whole numbers, whose halves are exact.
+#ifndef PRECISION
+#define PRECISION 0
+#endif
+#if PRECISION == 2
+#define FULL 255.0f
+#else
+#define FULL 1.0f
+#endif
+
+// Colours side by side, a pixel an element. As what is blended into, `alpha` is the transmittance that is left.
+typedef struct { VECTOR(float) red, green, blue, alpha; } Colors;
+
+// What a buffer of 16-bit floats keeps of a number that is not negative.
+INLINE VECTOR(float) to_half(VECTOR(float) value)
+{
+    VECTOR(uint) bits = PASTE(as_, VECTOR(uint))(value);
+    VECTOR(uint) even = (bits + (VECTOR(uint))(0xFFF) + (bits >> (VECTOR(uint))(13) & (VECTOR(uint))(1))) & (VECTOR(uint))(~0x1FFFu);
+    VECTOR(float) rounded = PASTE(as_, VECTOR(float))(even);
+    rounded = rounded >= (VECTOR(float))(65536.0f) ? (VECTOR(float))(INFINITY) : rounded;
+    // Below 2^-14 they lie 2^-24 apart, as floats do from 0.5 on.
+    return value < (VECTOR(float))(0x1p-14f) ? (value + 0.5f) - 0.5f : rounded;
+}
+
+// What one of 8 bits keeps, in steps.
+INLINE VECTOR(float) to_step(VECTOR(float) value)
+{
+    return CONVERT(float, STRIP, CONVERT(int, STRIP, MIN(value + 0.5f, (VECTOR(float))(255.0f))));
+}
+
+#if PRECISION == 1
+#define KEPT(value) to_half(value)
+#elif PRECISION == 2
+#define KEPT(value) to_step(value)
+#else
+#define KEPT(value) (value)
+#endif
+
+// A buffer before anything is blended into it: all that lies behind is seen, or, for sums, nothing is there.
+INLINE void clear_buffer(Colors *buffer)
+{
+    buffer->red = buffer->green = buffer->blue = (VECTOR(float))(0.0f);
+    buffer->alpha = (VECTOR(float))(FULL);
+}
+INLINE void clear_sums(Colors *buffer) { buffer->red = buffer->green = buffer->blue = buffer->alpha = (VECTOR(float))(0.0f); }
+
+// A colour as a buffer keeps it.
+INLINE void store_color(Colors *buffer, const Colors *color)
+{
+    buffer->red = KEPT(color->red * FULL), buffer->green = KEPT(color->green * FULL);
+    buffer->blue = KEPT(color->blue * FULL), buffer->alpha = KEPT(color->alpha * FULL);
+}
+
+// One channel of a buffer, as a number; and all four.
+INLINE VECTOR(float) read_channel(VECTOR(float) kept) { return PRECISION == 2 ? UNIT_OF(kept) : kept; }
+INLINE void read_color(const Colors *buffer, Colors *color)
+{
+    color->red = read_channel(buffer->red), color->green = read_channel(buffer->green);
+    color->blue = read_channel(buffer->blue), color->alpha = read_channel(buffer->alpha);
+}
+
+// Under blending (Bavoil and Myers 2008, "Under Blending"), front to back, with Adst = transmittance from 1:
+//   Cdst = Adst (Asrc Csrc) + Cdst,   Adst = (1 - Asrc) Adst.
+INLINE void blend_under(Colors *destination, const Colors *source)
+{
+    destination->red = KEPT(destination->red + destination->alpha * (source->alpha * source->red));
+    destination->green = KEPT(destination->green + destination->alpha * (source->alpha * source->green));
+    destination->blue = KEPT(destination->blue + destination->alpha * (source->alpha * source->blue));
+    destination->alpha = KEPT(destination->alpha * (1.0f - source->alpha));
+}
+
+// Over blending (Bavoil and Myers 2008, "Under Blending", its first equation), back to front:
+//   Cdst = Asrc Csrc + (1 - Asrc) Cdst,   and what is left of the light from behind: Tdst = (1 - Asrc) Tdst.
+INLINE void blend_over(Colors *destination, const Colors *source)
+{
+    VECTOR(float) through = 1.0f - source->alpha;
+    destination->red = KEPT(source->alpha * source->red * FULL + through * destination->red);
+    destination->green = KEPT(source->alpha * source->green * FULL + through * destination->green);
+    destination->blue = KEPT(source->alpha * source->blue * FULL + through * destination->blue);
+    destination->alpha = KEPT(through * destination->alpha);
+}
+
+// Additive blending, both factors one, of a source whose colour is premultiplied:
+//   Cdst = Cdst + Asrc Csrc,   Adst = Adst + Asrc
+INLINE void blend_add(Colors *destination, const Colors *source)
+{
+    destination->red = KEPT(destination->red + source->alpha * source->red * FULL);
+    destination->green = KEPT(destination->green + source->alpha * source->green * FULL);
+    destination->blue = KEPT(destination->blue + source->alpha * source->blue * FULL);
+    destination->alpha = KEPT(destination->alpha + source->alpha * FULL);
+}
+
+// What is in front over all that is behind it, both premultiplied, with the transmittance of either: numbers, no buffers.
+INLINE void put_over(Colors *front, const Colors *behind)
+{
+    front->red += front->alpha * behind->red;
+    front->green += front->alpha * behind->green;
+    front->blue += front->alpha * behind->blue;
+    front->alpha *= behind->alpha;
+}
+
+#endif

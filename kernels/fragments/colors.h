@@ -1,0 +1,113 @@
+// Where a fragment's colour comes from.
+//
+//   palette          colours as given: one for the scene, for each face or for each vertex; 4 bytes or 4 floats each
+//   FRAGMENT_COLOR   colours vary over a face: each fragment has its own, in `colors`, and its payload says where
+//   otherwise        the payload is the face, whose colour is in the palette
+#ifndef SHADING_H
+#define SHADING_H
+
+#include "fragments/blending.h"
+
+#define ABSENT (~0ul)  // a place without a fragment: behind every fragment there is
+#define ROWS 8
+
+INLINE float4 palette_color(global const void *palette, uint index)
+{
+#if PACKED_COLOR
+    float4 bytes = CONVERT(float, 4, ((global const uchar4 *)palette)[index]);
+    return UNIT_OF(bytes);
+#else
+    return ((global const float4 *)palette)[index];
+#endif
+}
+
+// Eight fragments, wherever they are in memory.
+typedef ulong8 Octet __attribute__((aligned(8)));
+
+#if STRIP == 16
+// Eight of eight pixels at once, lists to rows: a transposition in three steps, of halves, quarters and pairs. It reads up to
+// seven places beyond a list, which are there (FRAGMENT_PADDING), and does not look at them.
+#define TURN_1(a, b)                                                                                            \
+    {                                                                                                           \
+        ulong8 low = (ulong8)(a.s0, b.s0, a.s2, b.s2, a.s4, b.s4, a.s6, b.s6);                                  \
+        b = (ulong8)(a.s1, b.s1, a.s3, b.s3, a.s5, b.s5, a.s7, b.s7), a = low;                                  \
+    }
+#define TURN_2(a, b)                                                                                            \
+    {                                                                                                           \
+        ulong8 low = (ulong8)(a.s01, b.s01, a.s45, b.s45);                                                      \
+        b = (ulong8)(a.s23, b.s23, a.s67, b.s67), a = low;                                                      \
+    }
+#define TURN_4(a, b)                                                                                            \
+    {                                                                                                           \
+        ulong8 low = (ulong8)(a.lo, b.lo);                                                                      \
+        b = (ulong8)(a.hi, b.hi), a = low;                                                                      \
+    }
+INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
+{
+    ulong8 list[STRIP];
+    VECTOR(uint) at = count > (VECTOR(uint))(0) ? begin : (VECTOR(uint))(0);
+    UNROLL for (int k = 0; k < STRIP; ++k) list[k] = *(global const Octet *)(fragments + ((const uint *)&at)[k]);
+    UNROLL for (int side = 0; side < STRIP; side += 8) {
+        ulong8 *l = list + side;
+        UNROLL for (int k = 0; k < 4; ++k) TURN_4(l[k], l[k + 4])
+        UNROLL for (int k = 0; k < 8; k += 4) { TURN_2(l[k], l[k + 2]) TURN_2(l[k + 1], l[k + 3]) }
+        UNROLL for (int k = 0; k < 8; k += 2) TURN_1(l[k], l[k + 1])
+    }
+    UNROLL for (int k = 0; k < 8; ++k) rows[k] = (VECTOR(ulong))(list[k], list[k + 8]);
+}
+#else
+INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
+{
+    for (uint k = 0; k < STRIP * ROWS; ++k) {
+        uint pixel = k % STRIP, row = k / STRIP;
+        if (row < ((const uint *)&count)[pixel]) ((ulong *)rows)[k] = fragments[((const uint *)&begin)[pixel] + row];
+    }
+}
+#endif
+
+// ROWS rows of each of a strip's pixels' fragments, from number `first` on; ABSENT behind a pixel's last. Those of pixel k
+// begin at begin[k] and lie `step` apart: 1 in lists, STRIP in rows (raster.h).
+INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count, uint first,
+                      VECTOR(ulong) *rows)
+{
+    // Signed, as counts are below 2^24: what an optimizer makes of the unsigned form, not every driver has (Oclgrind).
+    VECTOR(int) behind = PASTE(as_, VECTOR(int))(count) - (VECTOR(int))((int)first);
+    VECTOR(uint) left = PASTE(as_, VECTOR(uint))(MAX(behind, (VECTOR(int))(0)));
+    if (step == STRIP) {
+        global const VECTOR(ulong) *from = (global const VECTOR(ulong) *)(fragments + begin.s0) + first;
+        UNROLL for (int row = 0; row < ROWS; ++row) rows[row] = from[row];
+    } else
+        load_from_lists(fragments, begin + first, left, rows);
+    UNROLL for (uint row = 0; row < ROWS; ++row)
+        rows[row] = CONVERT(long, STRIP, left > (VECTOR(uint))(row)) ? rows[row] : (VECTOR(ulong))(ABSENT);
+}
+
+// The colours of a strip's next fragments, a row of `fetched` for each row of fragments; ABSENT ones have alpha 0.
+// `colors` is the fragments' own colours, or the palette where they have none.
+INLINE void fetch_colors(const VECTOR(ulong) *fragments, uint row_count, global const void *colors, Colors *fetched)
+{
+#if PACKED_COLOR && !FRAGMENT_COLOR
+    for (uint row = 0; row < row_count; ++row) {
+        const VECTOR(uint) byte = (VECTOR(uint))(0xFF);
+        VECTOR(uint) payload = CONVERT(uint, STRIP, fragments[row]);
+        VECTOR(int) present = payload != (VECTOR(uint))((uint)ABSENT);
+        if (!COLOR_RATE_FACE) payload = (VECTOR(uint))(0);
+        VECTOR(uint) word = gather((global const uint *)colors, payload, present);
+        fetched[row].red = UNIT_OF(CONVERT(float, STRIP, word & byte));
+        fetched[row].green = UNIT_OF(CONVERT(float, STRIP, word >> (VECTOR(uint))(8) & byte));
+        fetched[row].blue = UNIT_OF(CONVERT(float, STRIP, word >> (VECTOR(uint))(16) & byte));
+        fetched[row].alpha = UNIT_OF(CONVERT(float, STRIP, word >> (VECTOR(uint))(24)));
+    }
+#else
+    for (uint k = 0; k < row_count * STRIP; ++k) {
+        uint payload = (uint)((const ulong *)fragments)[k];
+        float4 color = (float4)(0.0f);
+        if (payload != (uint)ABSENT)
+            color = ((global const float4 *)colors)[FRAGMENT_COLOR || COLOR_RATE_FACE ? payload : 0];
+        float *elements = (float *)(fetched + k / STRIP) + k % STRIP;
+        elements[0] = color.x, elements[STRIP] = color.y, elements[2 * STRIP] = color.z, elements[3 * STRIP] = color.w;
+    }
+#endif
+}
+
+#endif

@@ -1,0 +1,122 @@
+// Sorting: a strip's fragments into their order, (depth, submission index), nearest first: as the integers they are (raster.h).
+//
+// Up to RUN_MAX of each of a strip's pixels are held in private memory, a row of vectors for each layer, and sorted side by
+// side by one network, whose steps depend on no depth. A deeper pixel is sorted first where it lies, by its digits.
+#ifndef SORTING_H
+#define SORTING_H
+
+#include "fragments/colors.h"
+
+INLINE void exchange(VECTOR(ulong) *nearer, VECTOR(ulong) *farther)
+{
+    VECTOR(ulong) a = *nearer, b = *farther, least = MIN(a, b);
+    *nearer = least, *farther = a ^ b ^ least;  // the other: a CPU has one unit that compares, and several that do this
+}
+
+#define X(i, j) exchange(rows + i, rows + j);
+
+// Sorts ROWS rows: the network of 19 exchanges (Knuth, The Art of Computer Programming 3, 5.3.4).
+INLINE void sort_eight(VECTOR(ulong) *rows)
+{
+    X(0, 2) X(1, 3) X(4, 6) X(5, 7) X(0, 4) X(1, 5) X(2, 6) X(3, 7) X(0, 1) X(2, 3) X(4, 5) X(6, 7) X(2, 4) X(3, 5) X(1, 4)
+    X(3, 6) X(1, 2) X(3, 4) X(5, 6)
+}
+
+// Merges sorted runs of ROWS rows two by two, `count` in all: the bitonic network (Batcher 1968), whose first step pairs the
+// first of one run with the last of the other. It is that for the next power of two: what is not there would stay behind.
+// Storing rows is what costs: so the last steps, which stay among eight rows, are taken while those are in registers.
+INLINE void merge_rows(VECTOR(ulong) *all, uint count)
+{
+    for (uint run = ROWS; run < count; run *= 2)
+        for (uint first = 0; first + run < count; first += 2 * run) {
+            uint end = MIN(first + 2 * run, count);
+            for (uint far = first + run; far < end; ++far) exchange(all + 2 * (first + run) - 1 - far, all + far);
+            for (uint step = run / 2; step >= ROWS; step /= 2)
+                for (uint part = first; part + step < end; part += 2 * step)
+                    for (uint k = part; k < MIN(part + step, end - step); ++k) exchange(all + k, all + k + step);
+            for (uint part = first; part < end; part += ROWS) {
+                VECTOR(ulong) rows[ROWS];
+                UNROLL for (int k = 0; k < ROWS; ++k) rows[k] = all[part + k];
+                X(0, 4) X(1, 5) X(2, 6) X(3, 7) X(0, 2) X(1, 3) X(4, 6) X(5, 7) X(0, 1) X(2, 3) X(4, 5) X(6, 7)
+                UNROLL for (int k = 0; k < ROWS; ++k) all[part + k] = rows[k];
+            }
+        }
+}
+
+// Sorts one pixel's fragments by their depth keys' digits, the least first, between `list` and `spare`: as many steps for each
+// fragment, however many there are. Digits of what keys are more than the least: often one fewer than keys have.
+// Returns which of the two holds them sorted; fragments of equal depth stay as they were.
+static global ulong *sort_digits(global ulong *list, global ulong *spare, uint count)
+{
+    ulong8 low = list[0], high = low;
+    PLAIN_LOOP for (uint k = 0; k + 8 <= count; k += 8) {
+        ulong8 some = *(global const Octet *)(list + k);
+        low = MIN(low, some), high = MAX(high, some);
+    }
+    ulong least = list[count - 1], most = least;
+    for (int k = 0; k < 8; ++k) {
+        ulong one = list[MAX((int)count - 1 - k, 0)];  // signed: as in load_rows (shading.h)
+        least = MIN(least, MIN(((const ulong *)&low)[k], one)), most = MAX(most, MAX(((const ulong *)&high)[k], one));
+    }
+    least &= 0xFFFFFFFF00000000ul;
+    int digits = 0;
+    while (digits < 4 && (most - least) >> (32 + 8 * digits)) ++digits;
+    uint place[4][256];
+    for (uint k = 0; k < 4 * 256; ++k) place[0][k] = 0;
+    PLAIN_LOOP for (uint k = 0; k < count; ++k) {
+        uint key = (uint)((list[k] - least) >> 32);
+        ++place[0][key & 255], ++place[1][key >> 8 & 255], ++place[2][key >> 16 & 255];
+        if (digits == 4) ++place[3][key >> 24];
+    }
+    global ulong *from = list, *to = spare;
+    PLAIN_LOOP for (int digit = 0; digit < digits; ++digit) {
+        int shift = 32 + 8 * digit;
+        uint sum = 0;
+        PLAIN_LOOP for (int k = 0; k < 256; ++k) {
+            uint size = place[digit][k];
+            place[digit][k] = sum;
+            sum += size;
+        }
+        PLAIN_LOOP for (uint k = 0; k < count; ++k) {
+            ulong fragment = from[k];
+            to[place[digit][((fragment - least) >> shift) & 255]++] = fragment;
+        }
+        global ulong *swap = from;
+        from = to, to = swap;
+    }
+    return from;
+}
+
+// Sorts those of a strip's pixels that have more than RUN_MAX fragments where they lie; returns the most that any has.
+INLINE uint sort_deep(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, VECTOR(uint) count)
+{
+    uint deepest = 0;
+    for (int k = 0; k < STRIP; ++k) {
+        uint size = ((const uint *)&count)[k], from = ((const uint *)&begin)[k];
+        deepest = MAX(deepest, size);
+        if (size <= RUN_MAX) continue;
+        global ulong *list = fragments + from;
+        global const ulong *sorted = sort_digits(list, scratch + from, size);
+        if (sorted != list)
+            PLAIN_LOOP for (uint i = 0; i < size; i += 8) *(global Octet *)(list + i) = *(global const Octet *)(sorted + i);
+    }
+    return deepest;
+}
+
+// The next RUN_MAX layers of a strip's pixels in their order, from number `first` on, when sort_deep has gone before; returns
+// how many rows of `all` that takes.
+INLINE uint load_sorted(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count, uint first,
+                        uint deepest, VECTOR(ulong) *all)
+{
+    uint row_count = (MIN(deepest - first, (uint)RUN_MAX) + ROWS - 1) / ROWS * ROWS;
+    for (uint row = 0; row < row_count; row += ROWS) {
+        VECTOR(ulong) rows[ROWS];
+        load_rows(fragments, begin, step, count, first + row, rows);
+        if (first == 0) sort_eight(rows);
+        UNROLL for (int k = 0; k < ROWS; ++k) all[row + k] = rows[k];
+    }
+    if (first == 0) merge_rows(all, row_count);
+    return row_count;
+}
+
+#endif

@@ -1,3 +1,0 @@
-// What every picture needs, whatever the technique, in one program: a compiler takes longer to start than to compile these.
-#include "projection.cl"
-#include "binning.cl"

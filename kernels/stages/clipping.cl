@@ -1,0 +1,126 @@
+// Clipping: the faces that cross a clipping plane or the guard band, cut into fans of screen triangles (projection.h).
+//
+//   clip_triangles      one work-item a clipped face: its fan, in records of its own behind all others
+#undef WIDE
+#define WIDE 1  // few faces, each with corners of its own to go through
+#include "stages/projection.h"
+
+// weight: shares of the face's vertices.
+typedef struct { ClipVertex at; float weight[3]; } PolygonCorner;
+
+// Signed distance inside plane k (its outcode is 1 << k), linear in clip space.
+INLINE void plane_distance(int plane, const ClipVertex *v, DepthRange depth, Pair *distance)
+{
+    Pair guard = {v->w.hi * GUARD_BAND, v->w.lo * GUARD_BAND}, bound = {plane == 0 ? depth.near : depth.far, 0.0f};
+    pair_mul(&v->w, &bound, &bound);
+    switch (plane) {
+    case 0: pair_sub(&bound, &v->z, distance); break;
+    case 1: pair_sub(&v->z, &bound, distance); break;
+    case 2: pair_add(&guard, &v->x, distance); break;
+    case 3: pair_sub(&guard, &v->x, distance); break;
+    case 4: pair_add(&guard, &v->y, distance); break;
+    default: pair_sub(&guard, &v->y, distance);
+    }
+}
+
+// A point that is on plane k but for rounding, put there: far outside, the rounding can be larger than the picture.
+INLINE void put_on_plane(int plane, ClipVertex *v, DepthRange depth)
+{
+    Pair guard = {v->w.hi * GUARD_BAND, v->w.lo * GUARD_BAND}, negative = {-guard.hi, -guard.lo};
+    Pair bound = {plane == 0 ? depth.near : depth.far, 0.0f};
+    switch (plane) {
+    case 0:
+    case 1: pair_mul(&v->w, &bound, &v->z); break;
+    case 2: v->x = negative; break;
+    case 3: v->x = guard; break;
+    case 4: v->y = negative; break;
+    default: v->y = guard;
+    }
+}
+
+INLINE void along(const Pair *from, const Pair *to, const Pair *t, Pair *there)
+{
+    Pair step;
+    pair_sub(to, from, &step);
+    pair_mul(t, &step, &step);
+    pair_add(from, &step, there);
+}
+
+// Sutherland and Hodgman's polygon clipping against one plane; cuts are made from inside to outside, so that two faces
+// that share an edge share its cut.
+// A convex polygon gains one corner at most; rounding can make one that is a sliver gain more, which `room` cuts short.
+static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRange depth, PolygonCorner *out)
+{
+    int kept = 0, room = MAX_CLIP_VERTICES - 1;
+    for (int k = 0; k < count && kept < room; ++k) {
+        const PolygonCorner *a = in + k, *b = in + (k + 1 < count ? k + 1 : 0);
+        Pair da, db;
+        plane_distance(plane, &a->at, depth, &da);
+        plane_distance(plane, &b->at, depth, &db);
+        bool a_in = da.hi >= 0.0f, b_in = db.hi >= 0.0f;
+        if (a_in) out[kept++] = *a;
+        if (a_in == b_in) continue;
+        if (!a_in) {
+            const PolygonCorner *c = a;
+            Pair d = da;
+            a = b, b = c, da = db, db = d;
+        }
+        Pair t;
+        pair_sub(&da, &db, &t);
+        pair_div(&da, &t, &t);
+        PolygonCorner *cut = out + kept++;
+        along(&a->at.x, &b->at.x, &t, &cut->at.x);
+        along(&a->at.y, &b->at.y, &t, &cut->at.y);
+        along(&a->at.z, &b->at.z, &t, &cut->at.z);
+        along(&a->at.w, &b->at.w, &t, &cut->at.w);
+        for (int j = 0; j < 3; ++j) cut->weight[j] = a->weight[j] + t.hi * (b->weight[j] - a->weight[j]);
+        put_on_plane(plane, &cut->at, depth);
+    }
+    return kept;
+}
+
+// clipped: places in `listed`; the fans are in the records behind its own, CLIP_TRIANGLES each.
+kernel void clip_triangles(global const uint *clipped, uint clipped_count, global const uint *listed, uint listed_count,
+                           uint opaque_count, global const uint *faces, global const float *positions,
+                           global const float *low_positions, global const float *matrix, float depth_near, float depth_far, int width, int height,
+                           global Triangle *triangles, global ushort4 *bounds, global float *weights)
+{
+    uint n = get_global_id(0);
+    if (n >= clipped_count) return;
+    const DepthRange depth = {depth_near, depth_far};
+    uint source = listed[clipped[n]], first = listed_count + n * CLIP_TRIANGLES;
+    PolygonCorner polygon[MAX_CLIP_VERTICES], other[MAX_CLIP_VERTICES];
+    for (int i = 0; i < 3; ++i) {
+        uint vertex = faces[3 * source + i];
+        Point point;
+        for (int j = 0; j < 3; ++j) {
+            point.high[j] = positions[3 * vertex + j];
+            if (LOW_POSITIONS) point.low[j] = low_positions[3 * vertex + j];
+            polygon[i].weight[j] = i == j ? 1.0f : 0.0f;
+        }
+        to_clip_space(matrix, &point, &polygon[i].at);
+    }
+    int count = 3;
+    for (int plane = 0; plane < 6; ++plane) {
+        count = clip_polygon(polygon, count, plane, depth, other);
+        for (int k = 0; k < count; ++k) polygon[k] = other[k];
+    }
+    for (int k = 0; k < CLIP_TRIANGLES; ++k) {
+        uint record = first + k;
+        bounds[record] = (ushort4)(1, 0, 1, 0);
+        if (k + 2 >= count) continue;
+        Corner corner[3];
+        for (int i = 0; i < 3; ++i) to_screen(&polygon[i == 0 ? 0 : k + i].at, corner + i);
+        Arrangement arrangement;
+        make_triangles(corner, source, clipped[n] < opaque_count ? OPAQUE : 0, width, height, record, triangles, bounds, &arrangement);
+#if FRAGMENT_COLOR
+        float share[3][3];
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+                share[i][j] = polygon[i == 0 ? 0 : k + i].weight[j] * (PERSPECTIVE ? corner[i].depth : 1.0f);
+        store_weights(weights, record, &arrangement, share);
+#endif
+    }
+    // The face itself has no record: its bounds name its fan (binning.cl, FOR_EACH_PAIR).
+    bounds[clipped[n]] = (ushort4)(CLIPPED_FACE, 0, n & 0xFFFF, n >> 16);
+}

@@ -1,0 +1,142 @@
+// Composition: a tile of a layer (premultiplied colour and transmittance) to the picture's rows.
+//
+// Over a background: C + T b. Without one: straight alpha, C / (1 - T) and 1 - T.
+// A picture pixel is the mean of `side` x `side` samples of the layer; side divides TILE, so they share a tile.
+#ifndef COMPOSITE_H
+#define COMPOSITE_H
+
+#include "fragments/blending.h"
+
+INLINE VECTOR(uint) to_byte(VECTOR(float) value)
+{
+    value = value * 255.0f + 0.5f;
+    value = MIN(value, (VECTOR(float))(255.0f));
+    return CONVERT(uint, STRIP, CONVERT(int, STRIP, MAX(value, (VECTOR(float))(0.0f))));
+}
+
+#define CHANNEL(colors, name, place) (((local const float *)&(colors)[(place) / STRIP].name)[(place) % STRIP])
+
+// The pixel at this column and row of the tile, from side x side samples.
+INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint side)
+{
+    float4 sum = (float4)(0.0f);
+    for (uint k = 0; k < side * side; ++k) {
+        uint p = pixel_at(column * side + k % side, row * side + k / side);
+        sum += (float4)(CHANNEL(layer, red, p), CHANNEL(layer, green, p), CHANNEL(layer, blue, p), CHANNEL(layer, alpha, p));
+    }
+    return sum / (float)(side * side);
+}
+
+// BOUNDED: layers are left out once the transmittance in front of them is parameters[0] or less, and that is found besides:
+// what they can have changed in any channel, at most.
+#ifndef BOUNDED
+#define BOUNDED 0
+#endif
+#if BOUNDED
+#define VALUES 1
+#endif
+#ifndef VALUES
+#define VALUES 0
+#endif
+#if VALUES
+// What a technique finds besides colours: one number or four of each of a strip's samples.
+#if BOUNDED
+typedef VECTOR(float) Found;
+#define NOTHING (VECTOR(float))(0.0f)
+#else
+typedef Colors Found;
+#define NOTHING {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f)}
+#endif
+
+// To the picture's pixels as the means of their samples.
+INLINE void store_values(local const Found *found, uint tile, int columns, int side_bits, int width, int height,
+                         global float *values)
+{
+    uint bits = TILE_BITS - side_bits, side = 1u << side_bits;
+    uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
+    for (uint p = get_local_id(0); p < 1u << 2 * bits; p += LANES) {
+        uint column = p & ((1u << bits) - 1), row = p >> bits;
+        if (left + column >= (uint)width || top + row >= (uint)height) continue;
+        size_t at = (size_t)(top + row) * width + left + column;
+#if BOUNDED
+        float sum = 0.0f;
+        for (uint k = 0; k < side * side; ++k)
+            sum += ((local const float *)found)[pixel_at(column * side + k % side, row * side + k / side)];
+        values[at] = sum / (float)(side * side);
+#else
+        ((global float4 *)values)[at] = mean_of(found, column, row, side);
+#endif
+    }
+}
+#endif
+
+// A block's row of pixels, as wherever they are in memory: bytes of the picture and its colours.
+typedef uint4 RowBytes __attribute__((aligned(4)));
+typedef float16 RowColors __attribute__((aligned(16)));
+
+// tile: of the picture. layer: its strips. Returns how many of this lane's pixels let less than nothing through: their
+// colours are clamped.
+INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height, float red,
+                           float green, float blue, int has_background, int keep_color, global uint *image,
+                           global float4 *color)
+{
+    uint bits = TILE_BITS - side_bits, side = 1u << side_bits, clamped = 0;
+    uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
+    bool whole = side == 1 && left + TILE <= (uint)width && top + TILE <= (uint)height;
+    for (uint q = get_local_id(0) * STRIP; q < 1u << 2 * bits; q += LANES * STRIP) {
+        // A strip of the picture's pixels: of a block where they are samples, else of the tile's rows.
+        Colors pixel = layer[q / STRIP];
+        for (uint k = 0; side > 1 && k < STRIP; ++k) {
+            float4 mean = mean_of(layer, (q + k) & ((1u << bits) - 1), ((q + k) >> bits) & ((1u << bits) - 1), side);
+            ((float *)&pixel.red)[k] = mean.x, ((float *)&pixel.green)[k] = mean.y;
+            ((float *)&pixel.blue)[k] = mean.z, ((float *)&pixel.alpha)[k] = mean.w;
+        }
+        VECTOR(float) alpha = 1.0f - pixel.alpha;
+        Colors shown = {pixel.red + pixel.alpha * red, pixel.green + pixel.alpha * green, pixel.blue + pixel.alpha * blue,
+                        (VECTOR(float))(1.0f)};
+        if (!has_background) {
+            VECTOR(int) some = alpha > (VECTOR(float))(0.0f);
+            shown.red = some ? pixel.red / alpha : (VECTOR(float))(0.0f);
+            shown.green = some ? pixel.green / alpha : (VECTOR(float))(0.0f);
+            shown.blue = some ? pixel.blue / alpha : (VECTOR(float))(0.0f);
+            shown.alpha = some ? alpha : (VECTOR(float))(0.0f);
+        }
+        VECTOR(uint) bytes = to_byte(shown.red) | to_byte(shown.green) << (VECTOR(uint))(8) |
+                             to_byte(shown.blue) << (VECTOR(uint))(16) | to_byte(shown.alpha) << (VECTOR(uint))(24);
+        VECTOR(int) below = PASTE(as_, VECTOR(int))(pixel.alpha) < (VECTOR(int))(0);  // -0 over an opaque surface
+#if STRIP % BLOCK == 0
+        if (whole) {
+            uint block = q / BLOCK_PIXELS, x = left + block % BLOCKS_A_ROW * BLOCK;
+            uint y = top + block / BLOCKS_A_ROW * BLOCK + q % BLOCK_PIXELS / BLOCK;
+            UNROLL for (uint k = 0; k < STRIP / BLOCK; ++k) {
+                size_t at = (size_t)(y + k) * width + x;
+                float4 r = ((const float4 *)&pixel.red)[k], g = ((const float4 *)&pixel.green)[k];
+                float4 b = ((const float4 *)&pixel.blue)[k], a = ((const float4 *)&alpha)[k];
+                *(global RowBytes *)(image + at) = ((const uint4 *)&bytes)[k];
+                if (!keep_color) continue;
+                float16 row = (float16)(r.x, g.x, b.x, a.x, r.y, g.y, b.y, a.y, r.z, g.z, b.z, a.z, r.w, g.w, b.w, a.w);
+                if ((size_t)(color + at) % sizeof(row) == 0) STORE_LINE((global float16 *)(color + at), row);
+                else *(global RowColors *)(color + at) = row;
+            }
+            clamped += POPCOUNT(BITS_OF(below));
+            continue;
+        }
+#endif
+        for (uint k = 0; k < STRIP; ++k) {
+            uint p = q + k, block = p / BLOCK_PIXELS;
+            uint x = side > 1 ? p & ((1u << bits) - 1) : block % BLOCKS_A_ROW * BLOCK + p % BLOCK;
+            uint y = side > 1 ? p >> bits : block / BLOCKS_A_ROW * BLOCK + p % BLOCK_PIXELS / BLOCK;
+            x += left, y += top;
+            if (p >= 1u << 2 * bits || x >= (uint)width || y >= (uint)height) continue;
+            size_t at = (size_t)y * width + x;
+            image[at] = ((const uint *)&bytes)[k];
+            if (keep_color)
+                color[at] = (float4)(((const float *)&pixel.red)[k], ((const float *)&pixel.green)[k],
+                                     ((const float *)&pixel.blue)[k], ((const float *)&alpha)[k]);
+            clamped += ((const int *)&below)[k] != 0;
+        }
+    }
+    return clamped;
+}
+
+#endif

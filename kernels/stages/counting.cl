@@ -1,0 +1,88 @@
+// Counting: how many fragments each pixel has, and what a walk over its tile takes; none is kept, sorted or shaded.
+//
+//   count_layers    a work-group takes tile after tile: z-far of what is opaque, then one walk over what is transparent
+//
+// ALL_OPAQUE: the scene has nothing transparent, and its records, which are all of it, do not say so.
+#include "stages/opaque.h"
+
+#ifndef ALL_OPAQUE
+#define ALL_OPAQUE 0
+#endif
+
+// chosen: the tiles that are looked at, or NULL for all of them; totals are in their order. layers: of each pixel of the image, rows
+// from the top, the fragments in front of what is opaque there, and IS_OPAQUE where anything is; or NULL. tile_totals: of each
+// tile fragments, those of its deepest pixel, samples with an opaque surface; fragments of all surfaces, whatever lies in front,
+// and those of the deepest pixel; strips visited of transparent records and of opaque ones; opaque records.
+kernel void count_layers(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+                         uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
+                         float depth_scale, global const uint *chosen, global uint *layers, global uint *tile_totals)
+{
+    local uint taken, totals[COMPLEXITY_TOTALS];
+    for (;;) {
+        if (get_local_id(0) == 0) {
+            taken = atomic_inc(next_tile);
+            for (int k = 0; k < COMPLEXITY_TOTALS; ++k) totals[k] = 0;
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        uint number = taken;
+        if (number >= to_tile) break;
+        uint tile = chosen ? chosen[number] : number;
+        ENTER_TILE
+        uint begin = list_begin, end = list_end, middle = begin, visits = 0, opaque_visits = 0;
+        VECTOR(ulong) z_far[STRIPS_A_LANE];
+        VECTOR(uint) front[STRIPS_A_LANE], all[STRIPS_A_LANE];
+        for (int own = 0; own < STRIPS_A_LANE; ++own) {
+            z_far[own] = (VECTOR(ulong))(ABSENT);
+            front[own] = all[own] = (VECTOR(uint))(0);
+        }
+        if (MIXED || ALL_OPAQUE) {
+            middle = ALL_OPAQUE ? end : transparent_from(triangles, pairs, begin, end);
+            list_end = middle;
+            VISITS((1u << TILE_BLOCKS) - 1)
+            ++opaque_visits;
+            all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
+            VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
+            fragment |= (VECTOR(ulong))((ulong)t->source);
+            fragment = CONVERT(long, STRIP, covered) ? fragment : (VECTOR(ulong))(ABSENT);
+            z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
+            END_VISITS
+            list_begin = middle, list_end = end;
+        }
+        if (!ALL_OPAQUE) {
+            VISITS((1u << TILE_BLOCKS) - 1)
+            ++visits;
+            if (MIXED) {
+                all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
+                VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
+                covered &= CONVERT(int, STRIP, (fragment | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block)]);
+            }
+            front[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
+            END_VISITS
+        }
+        uint fragments = 0, deepest = 0, solid = 0, all_fragments = 0, all_deepest = 0;
+        for (int own = 0; own < STRIPS_A_LANE; ++own)
+            for (int k = 0; k < STRIP; ++k) {
+                int pixel = (own * LANES + lane) * STRIP + k, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
+                int column = tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK;
+                int row = tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK;
+                uint count = ((const uint *)(front + own))[k];
+                uint any = MIXED || ALL_OPAQUE ? ((const uint *)(all + own))[k] : count;
+                bool opaque = ((const ulong *)(z_far + own))[k] != ABSENT;
+                fragments += count, deepest = MAX(deepest, count);
+                all_fragments += any, all_deepest = MAX(all_deepest, any);
+                solid += opaque;
+                if (layers && column < width && row < height) layers[(size_t)row * width + column] = count | (opaque ? IS_OPAQUE : 0);
+            }
+        atomic_add(totals, fragments);
+        atomic_max(totals + 1, deepest);
+        atomic_add(totals + 2, solid);
+        atomic_add(totals + 3, all_fragments);
+        atomic_max(totals + 4, all_deepest);
+        atomic_add(totals + 5, visits);
+        atomic_add(totals + 6, opaque_visits);
+        if (lane == 0) totals[7] = middle - begin;
+        barrier(CLK_LOCAL_MEM_FENCE);
+        for (int k = lane; k < COMPLEXITY_TOTALS; k += LANES) tile_totals[COMPLEXITY_TOTALS * number + k] = totals[k];
+        barrier(CLK_LOCAL_MEM_FENCE);
+    }
+}

@@ -1,0 +1,60 @@
+// Opaque surfaces: a tile's colour and z-far, before anything transparent is drawn, none of which is ever emitted behind them
+// (GlowScript's C0 and D0; Liu, Wei and Xu 2006, Table 1: "render all opaque objects into color and z-far buffers").
+//
+// A tile's list has its opaque records first. z_far is the nearest of their fragments as integers (raster.h), whose order is
+// that of (depth, submission index): a transparent one is in front of it where it is less, whichever was submitted first.
+#ifndef OPAQUE_H
+#define OPAQUE_H
+
+#include "stages/composite.h"
+#include "stages/walk.h"
+
+// Where a tile's transparent records begin in its list.
+INLINE uint transparent_from(global const Triangle *triangles, global const uint *pairs, uint begin, uint end)
+{
+    while (begin < end) {
+        uint middle = begin + (end - begin) / 2;
+        if (triangles[pairs[middle]].flags & OPAQUE) begin = middle + 1;
+        else end = middle;
+    }
+    return begin;
+}
+
+// Draws the tile's opaque records, those of its list before `until`, into each of the lane's strips: z_far, ABSENT where there
+// is none, and `behind`, colour and transmittance: 0 where there is one, else 1. Returns how many samples have one.
+INLINE uint draw_opaque(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, uint tile,
+                        uint until, uint first_tile, int columns, int width, int height, float depth_scale,
+                        global const uint *faces, global const void *palette, global const float *weights,
+                        global const float *normals, float3 view,
+                        VECTOR(ulong) *z_far, Colors *behind)
+{
+    ENTER_TILE
+    list_end = until;
+    uint samples = 0;
+    for (int own = 0; own < STRIPS_A_LANE; ++own) z_far[own] = (VECTOR(ulong))(ABSENT);
+    VISITS((1u << TILE_BLOCKS) - 1)
+    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
+    fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
+    fragment = CONVERT(long, STRIP, covered) ? fragment : (VECTOR(ulong))(ABSENT);
+    z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
+    END_VISITS
+    for (int own = 0; own < STRIPS_A_LANE; ++own) {
+        VECTOR(int) found = CONVERT(int, STRIP, z_far[own] != (VECTOR(ulong))(ABSENT));
+        samples += POPCOUNT(BITS_OF(found));
+        behind[own].red = behind[own].green = behind[own].blue = (VECTOR(float))(0.0f);
+        if (BITS_OF(found))
+            colors_of(CONVERT(uint, STRIP, z_far[own]), own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette, weights,
+                      normals, view, behind + own);
+        store_color(behind + own, behind + own);
+        read_color(behind + own, behind + own);
+        behind[own].alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
+        for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)  // from a record's place to its submission index
+            if (((const int *)&found)[k]) {
+                ulong *nearest = (ulong *)(z_far + own) + k;
+                *nearest = *nearest >> 32 << 32 | triangles[pairs[(uint)*nearest]].source;
+            }
+    }
+    return samples;
+}
+
+#endif

@@ -1,0 +1,190 @@
+// Projection: scene triangles to snapped screen triangles (projection.h).
+//
+//   project_vertices    WIDE vertices a work-item: clip space in float pairs, then snapped to 1/256 pixel
+//   cull_triangles      WIDE faces a work-item: what each needs, DRAWN where it may cover a sample
+//   count_states        one work-item a chunk of faces: how many are DRAWN or CLIPPED, CLIPPED, DISCARDED
+//   list_triangles      one work-item a chunk: the faces that are DRAWN or CLIPPED, and which of them are CLIPPED
+//   setup_triangles     WIDE of the list a work-item: their records, in the list's order
+//
+// The list has the opaque faces first, then the transparent ones, each in submission order; and so have the tiles' lists.
+//
+// Most faces of a fine mesh lie between the samples: they cost a look at their corners and nothing after that.
+// Items past the end do the last one again, into padding.
+#include "stages/projection.h"
+
+// Which planes vertices are outside of. Rounded once more than plane_distance(): a vertex on a plane to within a rounding
+// may be called outside by one and inside by the other, and is then cut at its own place.
+INLINE Uints outcode_of(const ClipVertex *v, DepthRange depth)
+{
+    Floats guard = v->w.hi * GUARD_BAND;
+    const Uints zero = (Uints)(0);
+    return (v->z.hi > v->w.hi * depth.near ? (Uints)(OUT_NEAR) : zero) |
+           (v->z.hi < v->w.hi * depth.far ? (Uints)(OUT_FAR) : zero) | (v->x.hi < -guard ? (Uints)(OUT_LEFT) : zero) |
+           (v->x.hi > guard ? (Uints)(OUT_RIGHT) : zero) | (v->y.hi < -guard ? (Uints)(OUT_TOP) : zero) |
+           (v->y.hi > guard ? (Uints)(OUT_BOTTOM) : zero);
+}
+
+kernel void project_vertices(global const float *positions, global const float *low_positions,
+                             global const float *matrix, float depth_near, float depth_far, uint vertex_count,
+                             global Vertex *vertices)
+{
+    const DepthRange depth = {depth_near, depth_far};
+    uint first = get_global_id(0) * WIDE;
+    if (first >= vertex_count) return;
+    Point point;
+    Uints vertex = items_from(first, vertex_count);
+    UNROLL for (int j = 0; j < 3; ++j) {
+        point.high[j] = AS_FLOATS(GATHER(positions + j, 1, 3 * vertex));
+        if (LOW_POSITIONS) point.low[j] = AS_FLOATS(GATHER(low_positions + j, 1, 3 * vertex));
+    }
+    ClipVertex v;
+    to_clip_space(matrix, &point, &v);
+    Corner corner;
+    to_screen(&v, &corner);
+    // A NaN or infinity anywhere makes this sum one: positions are below 2^61, so it cannot overflow by itself.
+    Uints outcode = IS_FINITE((point.high[0] + point.high[1]) + point.high[2]) ? outcode_of(&v, depth) : (Uints)(NOT_FINITE);
+    FOR_EACH_ELEMENT {
+        vertices[first + k].x = INT_OF(corner.x);
+        vertices[first + k].y = INT_OF(corner.y);
+        vertices[first + k].offset_x = FLOAT_OF(corner.offset_x);
+        vertices[first + k].offset_y = FLOAT_OF(corner.offset_y);
+        vertices[first + k].depth = FLOAT_OF(corner.depth);
+        vertices[first + k].outcode = (uint)INT_OF(outcode);
+    }
+}
+
+// Whether triangles that reach at most 2 x 2 samples cover one: their edge functions (raster.h) at each of those.
+INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height)
+{
+    Ints covers = (Ints)(0);
+    UNROLL for (int s = 0; s < 4; ++s) {
+        Ints column = reach->left + (Ints)(s % 2), row = reach->top + (Ints)(s / 2);
+        Ints here = (column <= reach->right) & (row <= reach->bottom);
+        UNROLL for (int a = 0; a < 3; ++a) {
+            int b = a < 2 ? a + 1 : 0;
+            Ints dx = x[b] - x[a], dy = y[b] - y[a];
+            dx = flip ? -dx : dx, dy = flip ? -dy : dy;
+            // Unsigned, as it may wrap for those that reach further and are not asked about.
+            Uints down = AS_UINTS(SAMPLE_AT(row, height) - y[a]), right = AS_UINTS(SAMPLE_AT(column, width) - x[a]);
+            Ints e = AS_INTS(AS_UINTS(dx) * down - AS_UINTS(dy) * right);
+            Ints owned = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0)));
+            here &= (e > (Ints)(0)) | ((e == (Ints)(0)) & owned);
+        }
+        covers |= here;
+    }
+    return covers;
+}
+
+// A field of vertices, which are three times two numbers long.
+#define VERTEX_FIELD(name, at) GATHER(&vertices->name, 2, 3 * (at))
+
+// Whether all alphas of faces are one; vertex: those of their corners.
+INLINE Ints is_opaque(global const void *palette, Uints face, const Uints *vertex)
+{
+    Ints opaque = (Ints)(-1);
+    for (int j = 0; j < (COLOR_RATE_VERTEX ? 3 : 1); ++j) {
+        Uints place = COLOR_RATE_VERTEX ? vertex[j] : face;
+        if (PACKED_COLOR) opaque &= GATHER(palette, 1, place) >> (Uints)(24) == (Uints)(255);
+        else opaque &= AS_FLOATS(GATHER((global const float *)palette + 3, 2, 2 * place)) == (Floats)(1.0f);
+    }
+    return opaque;
+}
+
+kernel void cull_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
+                           int width, int height, global const void *palette, global uchar *states)
+{
+    uint first = get_global_id(0) * WIDE;
+    if (first >= face_count) return;
+    Ints x[3], y[3];
+    Uints outcode[3], corner[3], face = items_from(first, face_count);
+    UNROLL for (int j = 0; j < 3; ++j) {
+        Uints given = GATHER(faces + j, 1, 3 * face), vertex = MIN(given, (Uints)(vertex_count - 1));
+        corner[j] = vertex;
+        x[j] = AS_INTS(VERTEX_FIELD(x, vertex)), y[j] = AS_INTS(VERTEX_FIELD(y, vertex));
+        // The host refuses faces with vertices that there are none of; this guard is for memory's sake.
+        outcode[j] = given == vertex ? VERTEX_FIELD(outcode, vertex) : (Uints)(NOT_FINITE);
+    }
+    Reach reach;
+    reach_of(x, y, width, height, &reach);
+    Longs area = area_of(x, y);
+    Ints drawn = (reach.left <= reach.right) & (reach.top <= reach.bottom) & TO(Ints, area != (Longs)(0));
+    Ints few = (reach.right - reach.left < (Ints)(2)) & (reach.bottom - reach.top < (Ints)(2));
+    drawn &= !few | covers_a_sample(x, y, TO(Ints, area < (Longs)(0)), &reach, width, height);
+    Uints any = outcode[0] | outcode[1] | outcode[2], all = outcode[0] & outcode[1] & outcode[2];
+    const Uints zero = (Uints)(0);
+    Uints state = (any & (Uints)(NOT_FINITE)) != zero ? (Uints)(DISCARDED)
+                  : all != zero                       ? zero
+                  : any != zero                       ? (Uints)(CLIPPED)
+                  : drawn                             ? (Uints)(DRAWN)
+                                                      : zero;
+    Ints listed = (state == (Uints)(DRAWN)) | (state == (Uints)(CLIPPED));
+    if (MIXED) state |= is_opaque(palette, face, corner) & listed ? (Uints)(OPAQUE) : zero;
+    FOR_EACH_ELEMENT states[first + k] = (uchar)INT_OF(state);
+}
+
+kernel void count_states(global const uchar *states, uint face_count, uint chunk_faces, global uint *chunk_counts)
+{
+    uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
+    uint opaque_listed = 0, opaque_clipped = 0, listed = 0, clipped = 0, discarded = 0;
+    for (uint face = first; face < last; ++face) {
+        uint state = states[face];
+        if (MIXED) {
+            opaque_listed += state == (DRAWN | OPAQUE) || state == (CLIPPED | OPAQUE);
+            opaque_clipped += state == (CLIPPED | OPAQUE);
+        }
+        listed += state == DRAWN || state == CLIPPED;
+        clipped += state == CLIPPED;
+        discarded += state == DISCARDED;
+    }
+    global uint *counts = chunk_counts + 5 * chunk;
+    counts[0] = opaque_listed, counts[1] = opaque_clipped, counts[2] = listed, counts[3] = clipped, counts[4] = discarded;
+}
+
+// kind: OPAQUE, or 0 for the transparent faces. chunk_starts: where the chunk's faces of that kind begin in the two lists.
+// clipped: places in `listed`.
+kernel void list_triangles(global const uchar *states, uint face_count, uint chunk_faces, uint kind,
+                           global const uint2 *chunk_starts, global uint *listed, global uint *clipped)
+{
+    uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
+    uint2 next = chunk_starts[chunk];
+    for (uint from = first; from < last; from += LIST_RUN) {
+        // Written whether it stays or is overwritten by the next: no branch to guess.
+        uint run[LIST_RUN + 1], count = 0;
+        for (uint face = from; face < MIN(from + LIST_RUN, last); ++face) {
+            run[count] = face;
+            count += states[face] == (DRAWN | kind) || states[face] == (CLIPPED | kind);
+        }
+        for (uint k = 0; k < count; ++k) {
+            if (states[run[k]] == (CLIPPED | kind)) clipped[next.y++] = next.x + k;
+            listed[next.x + k] = run[k];
+        }
+        next.x += count;
+    }
+}
+
+kernel void setup_triangles(global const uint *faces, uint vertex_count, global const Vertex *vertices,
+                            global const uint *listed, uint listed_count, uint opaque_count, int width, int height,
+                            global Triangle *triangles, global ushort4 *bounds, global float *weights)
+{
+    uint first = get_global_id(0) * WIDE;
+    if (first >= listed_count) return;
+    Uints place = items_from(first, listed_count), source = GATHER(listed, 1, place);
+    Corner corner[3];
+    UNROLL for (int j = 0; j < 3; ++j) {
+        Uints vertex = MIN(GATHER(faces + j, 1, 3 * source), (Uints)(vertex_count - 1));
+        corner[j].x = AS_INTS(VERTEX_FIELD(x, vertex)), corner[j].y = AS_INTS(VERTEX_FIELD(y, vertex));
+        corner[j].offset_x = AS_FLOATS(VERTEX_FIELD(offset_x, vertex));
+        corner[j].offset_y = AS_FLOATS(VERTEX_FIELD(offset_y, vertex));
+        corner[j].depth = AS_FLOATS(VERTEX_FIELD(depth, vertex));
+    }
+    Arrangement arrangement;
+    Uints flags = place < (Uints)(opaque_count) ? (Uints)(OPAQUE) : (Uints)(0);
+    make_triangles(corner, source, flags, width, height, first, triangles, bounds, &arrangement);
+#if FRAGMENT_COLOR
+    Floats share[3][3];
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            share[i][j] = i != j ? (Floats)(0.0f) : PERSPECTIVE ? corner[i].depth : (Floats)(1.0f);
+    store_weights(weights, first, &arrangement, share);
+#endif
+}

@@ -1,0 +1,391 @@
+// A tile's records to its fragments, exactly: the walk that counting (raster.cl) and drawing (draw.h) share.
+//
+// A tile's blocks of 4 x 4 pixels are cut into strips of STRIP pixels; strip s belongs to lane s % LANES, which alone writes
+// its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order, either way:
+//
+//   rows     a strip's fragments side by side, a row for each layer; fixed room, and no need to know how many there are
+//   lists    pixel 0: first submitted .. last, pixel 1: ...; as long as they are
+//
+// A fragment is key << 32 | payload. key: that of its depth (depth.h). payload: its face, or its own place where that has a
+// colour of its own (`colors`). Both grow with submission, so it is one integer, whose order is (depth, submission index).
+// With FACING, which a technique defines that asks for it, the payload's lowest bit says that it is seen from behind.
+#ifndef RASTER_H
+#define RASTER_H
+
+#include "fragments/depth.h"
+#include "fragments/colors.h"
+#include "base/wide.h"
+
+#define STRIPS_A_LANE (TILE_PIXELS / STRIP / LANES)
+
+#ifndef FACING
+#define FACING 0
+#endif
+#if FACING
+#define PAYLOAD(number, t) ((uint)(number) << 1 | ((t)->flags & BACK_FACING) / BACK_FACING)
+#else
+#define PAYLOAD(number, t) (number)
+#endif
+
+// The blocks with strips of this lane (a bit each), a block's place among them, the first of its pixels that the lane has.
+#if LANES <= TILE_BLOCKS
+#define LANE_BLOCKS (((1u << TILE_BLOCKS) - 1) / ((1u << LANES) - 1) << lane)
+#define OWN(block) ((block) / LANES)
+#define FIRST_PIXEL 0
+#else
+#define LANE_BLOCKS (1u << lane * STRIP / BLOCK_PIXELS)
+#define OWN(block) 0
+#define FIRST_PIXEL (lane * STRIP % BLOCK_PIXELS)
+#endif
+
+// Offsets of a strip's samples from its first.
+#define STRIP_COLUMNS ((VECTOR(int))(IOTA) & (VECTOR(int))(BLOCK - 1))
+#define STRIP_ROWS ((VECTOR(int))(IOTA) / (VECTOR(int))(BLOCK))
+
+// A record in a tile: its edge functions, E(x, y) = dx (y - y_a) - dy (x - x_a) for the edge from corner a to corner b;
+// edge k is opposite corner k, and E is twice the area of the sub-triangle that weighs it. What makes a sample exactly on
+// an edge belong to one side only: with y down and positive area, top edges run right and left edges run up; they own
+// their samples (E >= 0), the others do not (E > 0).
+//
+// From pixel to pixel E changes by SUBPIXELS times dx or dy, so all samples have the same E modulo SUBPIXELS:
+//   E - least = SUBPIXELS F + rest,   covered: F >= 0
+// and F fits 32 bits all over the tile for records below SMALL_EXTENT. F, and so the weights, are the same integers in 64.
+//
+// Records are made ready WIDE at a time, then gone through one by one.
+typedef struct {
+    Longs first[3];  // F at the lane's first sample of the tile's first block
+    Ints dx[3], dy[3];  // F grows by dx a pixel further down and falls by dy a pixel further right
+    Floats rest[3];  // rest + least
+    Ints small;
+    Uints blocks;  // those of the tile that its bounds reach, a bit each
+    Ints many;  // whether so many that it is worth finding out which of them it does not meet
+} Walks;
+
+// The records pairs[at] .. pairs[end - 1], as many as there is room for; returns how many (past the last, the last is done
+// again), and asks for the next ones. x, y: the lane's first sample of the tile's first block.
+INLINE uint ready_walks(global const Triangle *triangles, global const uint *pairs, uint at, uint end, int x, int y,
+                        int tile_x, int tile_y, Walks *w)
+{
+    for (uint ahead = at + WIDE; ahead < MIN(at + 2 * WIDE, end); ++ahead) PREFETCH(triangles + pairs[ahead]);
+    Uints field[RECORD_FIELDS];
+    load_records(triangles, pairs, at, end - 1, field);
+    Ints corner_x[3], corner_y[3];
+    UNROLL for (int j = 0; j < 3; ++j) corner_x[j] = AS_INTS(field[j]), corner_y[j] = AS_INTS(field[3 + j]);
+    w->small = AS_INTS(field[13] & SMALL);
+    Ints left = AS_INTS(field[14] & 0xFFFF), right = AS_INTS(field[14] >> (Uints)(16));
+    Ints top = AS_INTS(field[15] & 0xFFFF), bottom = AS_INTS(field[15] >> (Uints)(16));
+    UNROLL for (int k = 0; k < 3; ++k) {
+        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2;
+        Ints dx = corner_x[b] - corner_x[a], dy = corner_y[b] - corner_y[a];
+        Ints least = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0))) ? (Ints)(0) : (Ints)(1);
+        Longs e = TO(Longs, dx) * TO(Longs, y - corner_y[a]) - TO(Longs, dy) * TO(Longs, x - corner_x[a]) - TO(Longs, least);
+        w->first[k] = e >> (Longs)(SUBPIXEL_BITS);
+        w->rest[k] = TO(Floats, (TO(Ints, e) & (Ints)(SUBPIXELS - 1)) + least);
+        w->dx[k] = dx, w->dy[k] = dy;
+    }
+    left = MAX(left - tile_x, (Ints)(0)) / BLOCK, right = MIN(right - tile_x, (Ints)(TILE - 1)) / BLOCK;
+    top = MAX(top - tile_y, (Ints)(0)) / BLOCK, bottom = MIN(bottom - tile_y, (Ints)(TILE - 1)) / BLOCK;
+    // A row of blocks is BLOCKS_A_ROW bits: those of the columns, times one bit for each row.
+    Uints columns = ((Uints)(2) << TO(Uints, right)) - ((Uints)(1) << TO(Uints, left));
+    Uints rows = ((Uints)(2) << TO(Uints, bottom * BLOCKS_A_ROW)) - ((Uints)(1) << TO(Uints, top * BLOCKS_A_ROW));
+    w->blocks = columns * (rows & (Uints)(0x1111u));
+    w->many = (right - left + 1) * (bottom - top + 1) > (Ints)(4);
+    return MIN(end - at, (uint)WIDE);
+}
+
+// The same of one record, in registers.
+typedef struct {
+    long first[3];
+    int dx[3], dy[3];
+    float rest[3];
+    VECTOR(int) step[3];  // how F differs over a strip
+    bool small;
+} Walk;
+
+#define LONG_OF(vector) (((const long *)&(vector))[k])
+
+INLINE void walk_of(const Walks *walks, uint k, Walk *w)
+{
+    w->small = INT_OF(walks->small);
+    UNROLL for (int j = 0; j < 3; ++j) {
+        w->first[j] = LONG_OF(walks->first[j]);
+        w->dx[j] = INT_OF(walks->dx[j]), w->dy[j] = INT_OF(walks->dy[j]);
+        w->rest[j] = FLOAT_OF(walks->rest[j]);
+        w->step[j] = (VECTOR(int))(w->dx[j]) * STRIP_ROWS - (VECTOR(int))(w->dy[j]) * STRIP_COLUMNS;
+    }
+}
+
+// Those of a record's blocks that it may meet, of a lane.
+INLINE uint blocks_met(const Walks *walks, uint k, const Walk *w, int lane)
+{
+    uint blocks = (uint)INT_OF(walks->blocks) & LANE_BLOCKS;
+#if STRIP == TILE_BLOCKS
+    if (INT_OF(walks->many) && w->small) {
+        // All blocks at once, a block an element: the sample of each that lies farthest inside.
+        VECTOR(int) met = (VECTOR(int))(-1);
+        UNROLL for (int j = 0; j < 3; ++j) {
+            int inside = (int)w->first[j] + (BLOCK - 1) * (MAX(w->dx[j], 0) - MIN(w->dy[j], 0));
+            met &= w->step[j] * BLOCK + (VECTOR(int))(inside) >= (VECTOR(int))(0);
+        }
+        blocks &= BITS_OF(met);
+    }
+#endif
+    return blocks;
+}
+
+// Coverage of the lane's strip of a block: -1 or 0 a sample, and the barycentric weights times twice the area.
+INLINE VECTOR(int) cover(const Walk *w, int block, VECTOR(float) weight[3])
+{
+    VECTOR(int) covered = (VECTOR(int))(-1);
+    int column = block % BLOCKS_A_ROW * BLOCK, row = block / BLOCKS_A_ROW * BLOCK;
+    if (w->small) {
+        UNROLL for (int k = 0; k < 3; ++k) {
+            VECTOR(int) f = (VECTOR(int))((int)w->first[k] + row * w->dx[k] - column * w->dy[k]) + w->step[k];
+            covered &= f >= (VECTOR(int))(0);
+            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + w->rest[k];
+        }
+    } else {
+        UNROLL for (int k = 0; k < 3; ++k) {
+            long first = w->first[k] + (long)row * w->dx[k] - (long)column * w->dy[k];
+            VECTOR(long) f = (VECTOR(long))(first) + CONVERT(long, STRIP, w->step[k]);
+            covered &= CONVERT(int, STRIP, f >= (VECTOR(long))(0));
+            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + w->rest[k];
+        }
+    }
+    return covered;
+}
+
+// Which samples of a strip are in the image, where a tile reaches beyond it: a triangle may, too.
+INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left)
+{
+    int column = block % BLOCKS_A_ROW * BLOCK + FIRST_PIXEL % BLOCK, row = block / BLOCKS_A_ROW * BLOCK + FIRST_PIXEL / BLOCK;
+    return STRIP_COLUMNS < (VECTOR(int))(columns_left - column) & STRIP_ROWS < (VECTOR(int))(rows_left - row);
+}
+
+// What every walk begins with: list_begin and list_end, the places of the tile's records that are to be visited.
+#define ENTER_TILE                                                                                              \
+    int lane = get_local_id(0);                                                                                 \
+    uint list_begin = pair_start[tile], list_end = pair_start[tile + 1];                                        \
+    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE; \
+    int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
+    bool beyond = tile_x + TILE > width || tile_y + TILE > height;
+
+// Visits each of these blocks that a record of the tile may cover, record by record in submission order. Between VISITS and
+// END_VISITS there are `place`, the record's in the lists, the record `t`, `block`, and of the lane's strip of it which
+// samples are `covered`, and their barycentric `weight`s.
+#define VISITS(wanted)                                                                                          \
+    for (uint at = list_begin; at < list_end; at += WIDE) {                                                     \
+        Walks walks;                                                                                            \
+        uint ready = ready_walks(triangles, pairs, at, list_end, x, y, tile_x, tile_y, &walks);                 \
+        for (uint n = 0; n < ready; ++n) {                                                                      \
+            if (!((uint)((const int *)&walks.blocks)[n] & (wanted) & LANE_BLOCKS)) continue;                    \
+            Walk w;                                                                                             \
+            walk_of(&walks, n, &w);                                                                             \
+            uint place = at + n;                                                                                \
+            global const Triangle *t = triangles + pairs[place];                                                \
+            for (uint left = blocks_met(&walks, n, &w, lane) & (wanted); left; left &= left - 1) {              \
+                int block = LOWEST_BIT(left);                                                                   \
+                VECTOR(float) weight[3];                                                                        \
+                VECTOR(int) covered = cover(&w, block, weight);                                                 \
+                if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
+#define END_VISITS                                                                                              \
+            }                                                                                                   \
+        }                                                                                                       \
+    }
+
+// The depth keys of a strip's samples: the record's plane there, within the exact triangle's own depths.
+INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight[3], float depth_scale)
+{
+    VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
+    depth = MAX(depth, (VECTOR(float))(t->depth_min));
+    depth = MIN(depth, (VECTOR(float))(t->depth_max));
+    return depth_key(depth, depth_scale);
+}
+
+#if FRAGMENT_COLOR
+// Samples of a record that are shaded at once, consecutive ones of a strip: where a lane works alone it has vectors, whose
+// elements are computed whether they are covered or not; else one by one.
+#if LANES == 1
+#define SHADED 8
+typedef float8 Reals;
+#define SHADED_COLUMNS (int8)(0, 1, 2, 3, 0, 1, 2, 3)
+#define SHADED_ROWS (int8)(0, 0, 0, 0, 1, 1, 1, 1)
+#else
+#define SHADED 1
+typedef float Reals;
+#endif
+#define SHADED_BITS ((1u << SHADED) - 1)
+typedef struct { Reals red, green, blue, alpha; } Shades;
+
+// The barycentric weights of a record at SHADED samples, of which the first is at x, y: as VISITS has them, to the bit.
+INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
+{
+    for (int k = 0; k < 3; ++k) {
+        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
+        int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> SUBPIXEL_BITS;
+        float rest = (float)((int)(e & (SUBPIXELS - 1)) + least);
+#if SHADED == 1
+        weight[k] = (float)first * (float)SUBPIXELS + rest;
+#else
+        int8 step = dx * SHADED_ROWS - dy * SHADED_COLUMNS;
+        if (t->flags & SMALL) weight[k] = CONVERT(float, 8, (int8)((int)first) + step) * (float)SUBPIXELS + rest;
+        else weight[k] = CONVERT(float, 8, (long8)(first) + CONVERT(long, 8, step)) * (float)SUBPIXELS + rest;
+#endif
+    }
+}
+
+INLINE Reals square_root(Reals value)
+{
+    Reals root;
+#if CPU_TARGET && __has_builtin(__builtin_sqrtf)
+    UNROLL for (int k = 0; k < SHADED; ++k) ((float *)&root)[k] = __builtin_sqrtf(((const float *)&value)[k]);
+#else
+    UNROLL for (int k = 0; k < SHADED; ++k) ((float *)&root)[k] = sqrt(((const float *)&value)[k]);
+#endif
+    return root;
+}
+
+// Colours of a record at some samples: weight, their barycentric weights there.
+INLINE void shade(const Reals weight[3], uint record, uint source, global const uint *faces, global const void *palette,
+                  global const float *weights, global const float *normals, float3 view, Shades *shades)
+{
+    Reals vertex_weight[3];  // not yet divided by their sum
+    for (int j = 0; j < 3; ++j) {
+        vertex_weight[j] = (Reals)(0.0f);
+        for (int c = 0; c < 3; ++c) vertex_weight[j] += weight[c] * weights[9 * record + 3 * c + j];
+        // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
+        vertex_weight[j] = MAX(vertex_weight[j], (Reals)(0.0f));
+    }
+    Reals a = vertex_weight[0], b = vertex_weight[1], c = vertex_weight[2];
+    Reals scale = 1.0f / (a + b + c);
+    a *= scale, b *= scale, c *= scale;
+    uint3 face = load_face(faces, source);
+#if COLOR_RATE_VERTEX
+    float4 p = palette_color(palette, face.x), q = palette_color(palette, face.y), r = palette_color(palette, face.z);
+    shades->red = a * p.x + b * q.x + c * r.x, shades->green = a * p.y + b * q.y + c * r.y;
+    shades->blue = a * p.z + b * q.z + c * r.z, shades->alpha = a * p.w + b * q.w + c * r.w;
+#else
+    float4 color = palette_color(palette, COLOR_RATE_FACE ? source : 0);
+    shades->red = (Reals)(color.x), shades->green = (Reals)(color.y);
+    shades->blue = (Reals)(color.z), shades->alpha = (Reals)(color.w);
+#endif
+#if HEADLIGHT
+    float3 n_a = load3(normals, face.x), n_b = load3(normals, face.y), n_c = load3(normals, face.z);
+    Reals n_x = a * n_a.x + b * n_b.x + c * n_c.x, n_y = a * n_a.y + b * n_b.y + c * n_c.y;
+    Reals n_z = a * n_a.z + b * n_b.z + c * n_c.z;
+    Reals length2 = n_x * n_x + n_y * n_y + n_z * n_z, facing = n_x * view.x + n_y * view.y + n_z * view.z;
+    Reals cosine = MIN(MAX(facing, -facing) / square_root(length2), (Reals)(1.0f));
+    cosine = length2 > (Reals)(0.0f) ? cosine : (Reals)(1.0f);
+    Reals light = AMBIENT + (1.0f - AMBIENT) * cosine;
+#ifdef LIGHT_IN_ALPHA
+    shades->alpha = light;  // for a technique that has no use for the alpha, and one for the colour without the light
+#else
+    shades->red *= light, shades->green *= light, shades->blue *= light;
+#endif
+#endif
+}
+
+INLINE float4 shade_of(const Shades *shades, int k)
+{
+    return (float4)(((const float *)&shades->red)[k], ((const float *)&shades->green)[k],
+                    ((const float *)&shades->blue)[k], ((const float *)&shades->alpha)[k]);
+}
+#endif
+
+// The colours of a strip's fragments that have a face's colour, or else the place of their record in the lists as payload:
+// colours that vary over a face are not kept then, but computed where they are needed.
+INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, int width, int height,
+                      global const Triangle *triangles, global const uint *pairs, global const uint *faces,
+                      global const void *palette, global const float *weights, global const float *normals, float3 view,
+                      Colors *colors)
+{
+#if FRAGMENT_COLOR
+    const uint *places = (const uint *)&payload;
+    for (int first = 0; first < STRIP; first += SHADED) {
+        uint left = 0;
+        for (int k = 0; k < SHADED; ++k) {
+            int own = first + k;
+            ((float *)&colors->red)[own] = ((float *)&colors->green)[own] = 0.0f;
+            ((float *)&colors->blue)[own] = ((float *)&colors->alpha)[own] = 0.0f;
+            left |= (uint)(places[own] != (uint)ABSENT) << k;
+        }
+        while (left) {  // record by record: mostly one
+            uint at = places[first + LOWEST_BIT(left)], same = 0;
+            global const Triangle *t = triangles + pairs[at];
+            for (int k = 0; k < SHADED; ++k) same |= (uint)(places[first + k] == at) << k;
+            int pixel = strip * STRIP + first, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
+            int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, width);
+            int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, height);
+            Reals weight[3];
+            weights_at(t, x, y, weight);
+            Shades shades;
+            shade(weight, pairs[at], t->source, faces, palette, weights, normals, view, &shades);
+            for (left &= ~same; same; same &= same - 1) {
+                int k = LOWEST_BIT(same);
+                float4 color = shade_of(&shades, k);
+                ((float *)&colors->red)[first + k] = color.x, ((float *)&colors->green)[first + k] = color.y;
+                ((float *)&colors->blue)[first + k] = color.z, ((float *)&colors->alpha)[first + k] = color.w;
+            }
+        }
+    }
+#else
+    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, payload);
+    fetch_colors(&fragment, 1, palette, colors);
+#endif
+}
+
+// Where a walk puts fragments: the next of a pixel's at its `next`, further ones `step` on, as long as that is below `room`;
+// strip s begins `strip_room` times s on. In rows: IOTA, STRIP and the room of a strip, twice. In lists: where they begin, 1,
+// what there is room for, and 0. A `next` beyond the room, or below zero, is for fragments that are left to another time.
+typedef struct { uint step, room, strip_room; } Layout;
+
+// Emits the fragments of a tile's records from `begin` on that lie in these blocks and, where surfaces are MIXED, in front of
+// z_far (opaque.h); at the end `next` is beyond the last, whether there was room or not. sources: where the payload is a place,
+// the faces, if they are wanted; else NULL.
+INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+                      uint tile, uint begin, uint first_tile, int columns, int width, int height, float depth_scale,
+                      uint blocks, const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next,
+                      global const uint *faces, global const void *palette, global const float *weights,
+                      global const float *normals, float3 view, global ulong *fragments, global float4 *colors,
+                      global uint *sources)
+{
+    ENTER_TILE
+    list_begin = begin;
+    VISITS(blocks)
+    VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
+#if MIXED
+    covered &= CONVERT(int, STRIP, (value | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block)]);
+#endif
+    VECTOR(uint) *places = next + OWN(block);
+    uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
+#if FRAGMENT_COLOR
+    uint all = BITS_OF(covered);
+    for (int first = 0; first < STRIP; first += SHADED) {
+        uint bits = all >> first & SHADED_BITS;
+        if (!bits) continue;
+        Reals at_samples[3];
+        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = ((const Reals *)(weight + j))[first / SHADED];
+        Shades shades;
+        shade(at_samples, pairs[place], t->source, faces, palette, weights, normals, view, &shades);
+        for (; bits; bits &= bits - 1) {
+            int k = first + LOWEST_BIT(bits);
+            uint to = ((uint *)places)[k];
+            ((uint *)places)[k] += layout->step;
+            if (to >= layout->room) continue;
+            to += strip_start;
+            colors[to] = shade_of(&shades, k - first);
+            fragments[to] = ((const ulong *)&value)[k] | PAYLOAD(to, t);
+            if (sources) sources[to] = t->source;
+        }
+    }
+#else
+    VECTOR(uint) to = *places;
+    *places += PASTE(as_, VECTOR(uint))(covered) & layout->step;
+    value |= (VECTOR(ulong))((ulong)PAYLOAD(t->source, t));
+    scatter(fragments + strip_start, to, covered & (to < (VECTOR(uint))(layout->room)), value);
+#endif
+    END_VISITS
+}
+
+#endif

@@ -1,0 +1,58 @@
+// Windows: fragments in the device's memory, in lists (raster.h), for techniques that go through them more than once.
+//
+//   count_fragments   one work-group a tile: how many fragments each pixel gets
+//   emit_fragments    one work-group a tile: the same walk again, writing the fragments
+//
+//   pixel_end:    inclusive prefix sum of the counts within the tile (pixels in the order of common.h)
+//   tile_totals:  fragments of the tile, and of its deepest pixel
+#include "stages/walk.h"
+
+kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start,
+                            global const uint *pairs, uint first_tile, int columns, int width,
+                            int height, float depth_scale, global uint *pixel_end, global uint2 *tile_totals)
+{
+    local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
+    uint tile = get_group_id(0);
+    ENTER_TILE
+    VECTOR(uint) counts[STRIPS_A_LANE];
+    for (int own = 0; own < STRIPS_A_LANE; ++own) counts[own] = (VECTOR(uint))(0);
+
+    VISITS((1u << TILE_BLOCKS) - 1)
+    counts[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
+    END_VISITS
+
+    for (int own = 0; own < STRIPS_A_LANE; ++own)
+        *(local VECTOR(uint) *)(prefix + (own * LANES + lane) * STRIP) = counts[own];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (lane == 0) {
+        uint sum = 0, deepest = 0;
+        for (int p = 0; p < TILE_PIXELS; ++p) {
+            deepest = MAX(deepest, prefix[p]);
+            prefix[p] = sum += prefix[p];
+        }
+        tile_totals[tile] = (uint2)(sum, deepest);
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int p = lane; p < TILE_PIXELS; p += LANES) pixel_end[tile * TILE_PIXELS + p] = prefix[p];
+}
+
+// A window is a run of the batch's fragments, of whole tiles or of a part of one: places are relative to its first.
+kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+                           uint first_tile, uint window_tile, int columns, int width, int height,
+                           float depth_scale, global const uint *pixel_end, global const uint *tile_start,
+                           uint window_start, uint capacity,
+                           global const uint *faces, global const void *palette, global const float *weights,
+                           global const float *normals, float view_x, float view_y, float view_z,
+                           global ulong *fragments, global float4 *colors, global uint *sources)
+{
+    uint tile = window_tile + get_group_id(0);
+    const Layout lists = {1, capacity, 0};
+    VECTOR(uint) next[STRIPS_A_LANE];
+    for (int own = 0; own < STRIPS_A_LANE; ++own)
+        for (int k = 0; k < STRIP; ++k) {
+            int p = (own * LANES + (int)get_local_id(0)) * STRIP + k;
+            ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) + tile_start[tile] - window_start;
+        }
+    emit_tile(triangles, pair_start, pairs, tile, pair_start[tile], first_tile, columns, width, height, depth_scale,
+              0xFFFF, 0, &lists, next, faces, palette, weights, normals, (float3)(view_x, view_y, view_z), fragments, colors, sources);
+}

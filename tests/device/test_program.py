@@ -1,0 +1,94 @@
+"""Programs: includes, launches by name, the kernels' manners."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from clpeel.device.devices import open_device
+from clpeel.device.layout import Features
+from clpeel.device.program import GROUP, device_seconds, kernel_folder, launch, program, source
+
+FEATURES = Features(1, True, False, "face", True, False)
+FILES = sorted(
+    f"{folder.name}/{entry.name}"
+    for folder in kernel_folder().iterdir()
+    if folder.is_dir()
+    for entry in folder.iterdir()
+    if entry.name.endswith(".cl")
+)
+
+
+def test_the_kernels_are_installed():
+    assert {
+        "stages/projection.cl",
+        "stages/clipping.cl",
+        "stages/binning.cl",
+        "stages/windows.cl",
+        "stages/setup.cl",
+        "techniques/sort.cl",
+    } <= set(FILES)
+
+
+@pytest.mark.parametrize("path", FILES)
+def test_sources_are_whole_and_keep_the_rules(path):
+    text = source(path)
+    assert "#include" not in text
+    assert text.count("#pragma OPENCL FP_CONTRACT OFF") == 1
+    code = re.sub(r"//.*", "", text)
+    # Exact images: nothing whose rounding a device may choose.
+    assert not re.search(r"\b(mix|pow|exp|log|native_\w+|half_\w+|mad|rsqrt|dot|normalize|length)\(", code)
+
+
+# Lanes, packed colours or not, colours of what, opaque surfaces among others or not: each value with each of another.
+BUILDS = [
+    (1, True, "face", "mixed"),
+    (1, False, "face", "transparent"),
+    (1, True, "vertex", "transparent"),
+    (1, False, "vertex", "mixed"),
+    (1, True, "scene", "transparent"),
+    (64, False, "face", "mixed"),
+    (64, True, "vertex", "mixed"),
+    (64, True, "face", "transparent"),
+    (64, False, "scene", "transparent"),
+    *((lanes, True, "face", "mixed") for lanes in (16, 32, 128)),
+]
+
+
+@pytest.mark.parametrize("path", FILES)
+@pytest.mark.parametrize(("lanes", "packed", "rate", "surfaces"), BUILDS)
+@pytest.mark.filterwarnings("ignore::pyopencl.CompilerWarning")
+def test_every_build_is_free_of_warnings(path, lanes, packed, rate, surfaces):
+    import pyopencl as cl
+
+    gpu = open_device()
+    features = Features(lanes, rate != "scene", rate == "face", rate, packed, rate != "face", surfaces)
+    built = cl.Program(gpu.context, source(path)).build(options=["-cl-std=CL1.2", *features.options()])
+    log = built.get_build_info(gpu.device, cl.program_build_info.LOG).strip().splitlines()
+    # What clang says of every vector that is wider than the CPU's: nothing is called from elsewhere.
+    assert [line for line in log if "changes the ABI" not in line] == []
+
+
+def test_launches_are_by_name():
+    gpu = open_device()
+    kernel = program(gpu, "stages/setup.cl", FEATURES)["bin_offsets"]
+    assert kernel.names == ("chunk_count", "columns", "tile_count", "counts", "tile_pairs")
+    with pytest.raises(TypeError, match="tile_pairs"):
+        launch(gpu, "x", kernel, 1, chunk_count=1, columns=1, tile_count=1, counts=None)
+    with pytest.raises(TypeError, match="surplus"):
+        launch(gpu, "x", kernel, 1, chunk_count=1, columns=1, tile_count=1, counts=None, tile_pairs=None, surplus=1)
+    assert program(gpu, "stages/setup.cl", FEATURES)["bin_offsets"] is kernel
+
+
+def test_time_is_booked_by_stage_and_kernel():
+    gpu = open_device()
+    kernel = program(gpu, "stages/setup.cl", FEATURES)["bin_offsets"]
+    buffer = gpu.buffer("x", 4 * GROUP)
+    for stage in ("one", "two", "two"):
+        launch(gpu, stage, kernel, GROUP, chunk_count=0, columns=1, tile_count=0, counts=buffer, tile_pairs=buffer)
+    launch(gpu, "nothing", kernel, 0)
+    stages, kernels = device_seconds(gpu)
+    assert stages.keys() == {"one", "two"} and kernels.keys() == {"bin_offsets"}
+    assert kernels["bin_offsets"] == pytest.approx(sum(stages.values())) and kernels["bin_offsets"] > 0
+    assert device_seconds(gpu) == ({}, {})
