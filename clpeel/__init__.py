@@ -9,17 +9,18 @@ if TYPE_CHECKING:
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
     from clpeel.errors import NoDeviceError as NoDeviceError
+    from clpeel.pictures.layers import Layers as Layers
+    from clpeel.pictures.layers import load_layers as load_layers
     from clpeel.reading.load import load as load
     from clpeel.rendering.renderer import Renderer as Renderer
-    from clpeel.rendering.renderer import Result as Result
     from clpeel.rendering.renderer import render as render
+    from clpeel.rendering.result import Result as Result
+    from clpeel.rendering.result import Stats as Stats
     from clpeel.scene.camera import Camera as Camera
     from clpeel.scene.scene import Scene as Scene
-    from clpeel.stages.find_layers import Layers as Layers
-    from clpeel.stages.find_layers import load_layers as load_layers
+    from clpeel.study.compare import compare as compare
     from clpeel.study.comparison import Comparison as Comparison
     from clpeel.study.comparison import Interrupted as Interrupted
-    from clpeel.study.comparison import compare as compare
     from clpeel.study.complexity import Complexity as Complexity
     from clpeel.study.complexity import complexity as complexity
 
@@ -33,15 +34,16 @@ _HOMES = {
     "Complexity": "clpeel.study.complexity",
     "InputError": "clpeel.errors",
     "Interrupted": "clpeel.study.comparison",
-    "Layers": "clpeel.stages.find_layers",
+    "Layers": "clpeel.pictures.layers",
     "NoDeviceError": "clpeel.errors",
     "Renderer": "clpeel.rendering.renderer",
-    "Result": "clpeel.rendering.renderer",
+    "Result": "clpeel.rendering.result",
     "Scene": "clpeel.scene.scene",
-    "compare": "clpeel.study.comparison",
+    "Stats": "clpeel.rendering.result",
+    "compare": "clpeel.study.compare",
     "complexity": "clpeel.study.complexity",
     "load": "clpeel.reading.load",
-    "load_layers": "clpeel.stages.find_layers",
+    "load_layers": "clpeel.pictures.layers",
     "render": "clpeel.rendering.renderer",
 }
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from clpeel.command.parser import _options, make_parser
 from clpeel.device.program import kernel_folder
 from clpeel.techniques import TECHNIQUES
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 
 
@@ -40,3 +44,17 @@ def test_every_technique_has_its_picture_section_and_row() -> None:
     for name in TECHNIQUES:
         assert f"(techniques/{name}.png)" in text and f"| `{name}` |" in text
         assert f"\n## {name}\n" in text or name == "sort"
+
+
+def test_the_table_of_options_has_every_flag() -> None:
+    """README's table, and the command's help, which is made of the options' own fields."""
+    text = (ROOT / "README.md").read_text()
+    table = "\n".join(line for line in text.splitlines() if line.startswith("| `-"))
+    flags = {action.option_strings[0] for action in _options(make_parser().commands["render"])}
+    assert flags - set(re.findall(r"--[a-z][a-z-]*", table)) <= {"-h", "--help"}
+
+
+def test_what_editors_know_is_what_there_is() -> None:
+    command = [sys.executable, ROOT / "tools" / "write_keywords.py", "--check"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr

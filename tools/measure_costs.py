@@ -21,12 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import clpeel
+from clpeel.options import Options
 from clpeel.rendering import costs
 from clpeel.rendering.estimates import estimated_seconds, work_of
+from clpeel.rendering.options import Lighting
 from clpeel.scene.demo import DIRECTION, ZOOM, demo_scene
 from clpeel.stages.counting import Counted, count_layers
-from clpeel.stages.projection import upload
-from clpeel.techniques import TECHNIQUES, Technique, labelled
+from clpeel.stages.upload import upload
+from clpeel.techniques import TECHNIQUES, AnyTechnique
+from clpeel.techniques.technique import Variant
 
 REPEATS = 8
 """Frames of which the fastest counts, after one that warms up."""
@@ -34,11 +37,12 @@ REPEATS = 8
 MOST_SECONDS = 0.8
 """Of a scene with a technique: fewer repeats where it takes longer."""
 
+LIGHTINGS: tuple[Lighting, ...] = ("none", "headlight")
 VIEW = clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), view_angle=30.0, clipping_range=(2.0, 6.0))
 AWAY = clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 8.0), clipping_range=(1.0, 2.0))
 SIZE = (800, 800)
 OTHERS_SIZE = (1024, 1024)
-OPAQUE_ROW = "OPAQUE"
+OPAQUE_ROW: Variant = ("OPAQUE", ())
 Row = tuple[tuple[float, ...], float, float]
 """What was done, the seconds it took, and those of the whole frame."""
 
@@ -83,16 +87,17 @@ def measured(
     renderer: clpeel.Renderer,
     camera: clpeel.Camera,
     size: tuple[int, int],
-    name: str,
-    lighting: str,
-    options: dict[str, Any],
+    technique: AnyTechnique,
+    lighting: Lighting,
+    options: Options,
 ) -> tuple[float, float]:
     """Seconds of the technique's own stage, and of all stages: the least of some frames."""
+    given: dict[str, Any] = dict(options.given())
     least = (np.inf, np.inf)
     spent = 0.0
     for repeat in range(REPEATS + 1):
-        stats = renderer.render(camera, size, name, lighting=lighting, keep_color=False, **options).stats
-        seconds = dict(stats["seconds"])
+        stats = renderer.render(camera, size, technique.name, lighting=lighting, keep_color=False, **given).stats
+        seconds = dict(stats.seconds)
         spent += seconds.pop("total")
         seconds.pop("host")
         if repeat:
@@ -143,11 +148,11 @@ def main() -> None:
         "--fit", action=argparse.BooleanOptionalAction, default=True, help="or check the table there is"
     )
     options = parser.parse_args()
-    trials = [(name, each, options) for name, each in TECHNIQUES.items() for options in each.variants]
-    rows: dict[str, list[tuple[Counted, bool, Technique, dict[str, Any], float, float]]] = {}
+    trials = [(each, variant) for each in TECHNIQUES.values() for variant in each.variants()]
+    rows: dict[Variant, list[tuple[Counted, bool, AnyTechnique, Options, float, float]]] = {}
     counting: list[Row] = []
     kept: list[
-        tuple[str, str, dict[str, Any], bool, str, Counted, float]
+        tuple[str, AnyTechnique, Options, bool, str, Counted, float]
     ] = []  # the truths that estimates are to be beside
     scenes = [("fit", *one) for one in calibration()] if options.fit else []
     for group, label, scene, camera in [*scenes, *(("others", *one) for one in others(options.scenes))]:
@@ -156,17 +161,21 @@ def main() -> None:
             counted = counted_at_rest(renderer, camera, size)
             if group == "fit":
                 tiles = counted.tiles
-                walked = float(tiles.records.sum()), float(tiles.totals[:, 5:7].sum()), tiles.pixels
+                walked = (
+                    float(tiles.records.sum()),
+                    float((tiles.totals["visits"] + tiles.totals["opaque_visits"]).sum()),
+                    tiles.pixels,
+                )
                 counting.append((walked, counted.walk_seconds, counted.walk_seconds))
-            for lighting in ("none", "headlight"):
+            for lighting in LIGHTINGS:
                 lit = lighting != "none"
-                for name, technique, variant in trials:
-                    own, whole = measured(renderer, camera, size, name, lighting, variant)
-                    nothing = counted.tiles.features.surfaces == "opaque" and not technique.maps
+                for technique, variant in trials:
+                    own, whole = measured(renderer, camera, size, technique, lighting, variant)
+                    nothing = counted.tiles.features.surfaces == "opaque" and not technique.all_surfaces
                     if group == "fit":
-                        row = OPAQUE_ROW if nothing else labelled(name, variant)
+                        row = OPAQUE_ROW if nothing else technique.variant(variant)
                         rows.setdefault(row, []).append((counted, lit, technique, variant, own, whole))
-                    kept.append((group, name, variant, lit, label, counted, whole))
+                    kept.append((group, technique, variant, lit, label, counted, whole))
         print(f"{label} done", file=sys.stderr, flush=True)
     if options.fit:
         # What a walk is measured in comes first, as the work is told in it.
@@ -184,27 +193,27 @@ def main() -> None:
         heads = [field.name for field in fields(costs.Cost)]
         for name, found in table.items():
             costs_of = ", ".join(f"{head}={value:.3g}" for head, value in zip(heads, found, strict=True))
-            print(f"{name:<40} Cost({costs_of})")
-        costs.OPAQUE.__dict__.update(costs.Cost(*table[OPAQUE_ROW]).__dict__)
+            print(f"{name!r:<60} Cost({costs_of})")
+        costs.ALL_OPAQUE_COST.__dict__.update(costs.Cost(*table[OPAQUE_ROW]).__dict__)
         costs.COSTS.update({name: costs.Cost(*found) for name, found in table.items() if name != OPAQUE_ROW})
     print("\nestimates are off by a factor of (half of them at most, all): on the scenes of the fit, on others")
     both = [
-        (labelled(name, variant), one, estimated_seconds(name, TECHNIQUES[name], counted, lit, variant), whole)
+        (which.label(variant), one, estimated_seconds(which, counted, lit, variant), whole)
         for one in kept
-        for _, name, variant, lit, _, counted, whole in (one,)
+        for _, which, variant, lit, _, counted, whole in (one,)
     ]
-    for row in dict.fromkeys(row for row, *_ in both):
+    for label in dict.fromkeys(label for label, *_ in both):
         cells = []
         for group in ("fit", "others"):
-            pairs = [(guess, truth) for which, one, guess, truth in both if (which, one[0]) == (row, group) and guess]
+            pairs = [(guess, truth) for which, one, guess, truth in both if (which, one[0]) == (label, group) and guess]
             cells.append(off_by(*map(list, zip(*pairs, strict=True))) if pairs else "-")
-        print(f"{row:<40} {cells[0]:<12} {cells[1]}")
+        print(f"{label:<40} {cells[0]:<12} {cells[1]}")
     print("\nothers: estimated / measured seconds")
-    for row, (group, _, _, lit, label, counted, _), guess, truth in both:
+    for label, (group, _, _, lit, place, counted, _), guess, truth in both:
         if group == "others" and guess is not None:
             height, width = counted.layers.shape
-            kind = f"{label:<8} {width:>4} x {height:<4} {'lit' if lit else 'flat':<4}"
-            print(f"{kind} {row:<40} {guess:.4f} / {truth:.4f} = {guess / truth:.2f}")
+            kind = f"{place:<8} {width:>4} x {height:<4} {'lit' if lit else 'flat':<4}"
+            print(f"{kind} {label:<40} {guess:.4f} / {truth:.4f} = {guess / truth:.2f}")
 
 
 if __name__ == "__main__":

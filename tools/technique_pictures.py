@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import clpeel
 from clpeel.scene.demo import DIRECTION, ZOOM, demo_scene
@@ -16,7 +16,7 @@ from clpeel.techniques import TECHNIQUES
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "techniques"
 SIZE = (400, 300)
-SAMPLES = 16
+SAMPLES: Literal[16] = 16
 STOPPED: dict[str, tuple[str, dict[str, Any]]] = {
     "depth-peeling-2": ("depth-peeling", {"passes": 2}),
     "dual-depth-peeling-1": ("dual-depth-peeling", {"passes": 1}),

@@ -53,14 +53,14 @@ def _devices() -> list[DeviceInfo]:
 
 def technique_table() -> list[str]:
     """What each technique does, a line each, and below it the options of `render` that it has besides the common."""
-    from clpeel.techniques import AUTO, AUTO_SUMMARY, TECHNIQUES, options_of
+    from clpeel.techniques import AUTO, AUTO_SUMMARY, TECHNIQUES, option_names
 
     width = max(map(len, TECHNIQUES))
     lines = []
     summaries = {name: technique.summary for name, technique in TECHNIQUES.items()} | {AUTO: AUTO_SUMMARY}
     for name, summary in summaries.items():
         lines.append(f"{name:<{width}}  {summary}")
-        if options := options_of(name):
+        if options := option_names(name):
             lines.append(f"{'':<{width}}  options: {', '.join(options)}")
     return lines
 

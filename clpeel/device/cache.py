@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from functools import cache as remembered
 from pathlib import Path
 
-import clpeel
 from clpeel.errors import InputError
 from clpeel.files import open_at_once, write_whole
 
@@ -53,7 +52,9 @@ class Cache:
 
     def __init__(self, device: Sequence[str]) -> None:
         """device: texts that tell it from all others; the first two are for people to read."""
-        told = (clpeel.__version__, *device, _processor())
+        from clpeel import __version__
+
+        told = (__version__, *device, _processor())
         readable = "-".join(re.sub(r"[^\w.]+", "-", text).strip("-")[:40] for text in told[:3])
         self.folder = root() / f"{readable}-{key_of(_FORMAT, *told)[:16]}"
 

@@ -1,22 +1,24 @@
-"""Devices: which there are, how one is chosen, and the `Gpu` that holds all state."""
+"""Devices: which there are, how one is found, and opening it."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from threading import Lock
-from typing import Any
 
-import numpy as np
 import pyopencl as cl
 
 from clpeel.device import workshop
+from clpeel.device.workspace import Workspace
 from clpeel.errors import DeviceError, InputError, NoDeviceError
 
 INSTALL_HINT = (
     "no OpenCL device found: install one with 'pip install pocl-binary-distribution' (x86-64 Linux) "
     "or 'apt install pocl-opencl-icd', or a driver for your GPU"
 )
+
+Gpu = Workspace
 
 KINDS = {"cpu": cl.device_type.CPU, "gpu": cl.device_type.GPU, "accelerator": cl.device_type.ACCELERATOR}
 
@@ -25,9 +27,6 @@ INTERPRETERS = ("Oclgrind",)
 """Platforms that are no processor, whatever they say: a vector is no faster there, and Oclgrind rounds some wrongly."""
 
 ALLOWED_LANES = (1, 16, 32, 64, 128)
-
-DEFAULT_MEMORY_SHARE = 4
-"""Without --memory a render may use this fraction (1 / n) of what a scene leaves of the device's memory."""
 
 
 @dataclass(frozen=True)
@@ -42,56 +41,7 @@ class DeviceInfo:
     compute_units: int
     memory: int  # bytes
     driver: str
-    device: Any = field(repr=False, compare=False)
-
-
-@dataclass(eq=False)
-class Gpu:
-    """A device with its queue, programs, buffers and the events of the frame: the only state there is."""
-
-    device: cl.Device
-    context: cl.Context
-    queue: cl.CommandQueue
-    lanes: int
-    builds: dict[Any, cl.Program] = field(default_factory=dict)  # shared by all on the device
-    programs: dict[Any, Any] = field(default_factory=dict)
-    buffers: dict[str, cl.Buffer] = field(default_factory=dict)
-    events: list[tuple[str, str, cl.Event]] = field(default_factory=list)
-    sent: list[cl.Event] = field(default_factory=list)  # what is on its way to the device, each with its array
-
-    def buffer(self, name: str, nbytes: int) -> cl.Buffer:
-        """The buffer of that name, of at least nbytes; it is kept and only ever grows, so frames allocate nothing."""
-        held = self.buffers.get(name)
-        if held is None or held.size < nbytes:
-            self.buffers.pop(name, None)
-            if held is not None:
-                held.release()
-            self.buffers[name] = held = cl.Buffer(self.context, cl.mem_flags.READ_WRITE, max(nbytes, 16))
-        return held
-
-    def release(self, *names: str) -> None:
-        """Gives the memory of these buffers back, if they are there; nothing may be using them any more."""
-        for name in names:
-            if name in self.buffers:
-                self.buffers.pop(name).release()
-
-    def put(self, name: str, array: np.ndarray[Any, Any]) -> cl.Buffer:
-        """The buffer of that name, filled from the array before anything that is enqueued later; does not wait."""
-        held = self.buffer(name, array.nbytes)
-        if array.nbytes:
-            self.sent.append(cl.enqueue_copy(self.queue, held, np.array(array, order="C"), is_blocking=False))
-        return held
-
-    def get(self, held: cl.Buffer, shape: int | tuple[int, ...], dtype: Any, offset: int = 0) -> np.ndarray[Any, Any]:
-        """The buffer's elements from `offset` bytes on; waits for the device."""
-        array = np.empty(shape, dtype)
-        cl.enqueue_copy(self.queue, array, held, src_offset=offset, is_blocking=True)
-        self.sent.clear()  # the queue is in order: what was sent before has arrived
-        return array
-
-    def default_budget(self, held: int) -> int:
-        """Bytes a render may use, unless told, where its scene takes `held`."""
-        return (int(self.device.global_mem_size) - held) // DEFAULT_MEMORY_SHARE
+    device: cl.Device = field(repr=False, compare=False)
 
 
 def list_devices() -> list[DeviceInfo]:
@@ -150,7 +100,7 @@ def check_process() -> None:
         )
 
 
-def choose(selector: int | str | None) -> DeviceInfo:
+def find_device(selector: int | str | None) -> DeviceInfo:
     """The device of that number, or whose name or platform holds that text; by default the first CPU device.
 
     Raises NoDeviceError when there is no device at all or none fits.
@@ -171,12 +121,12 @@ def choose(selector: int | str | None) -> DeviceInfo:
     return fitting[0]
 
 
-def open_device(selector: int | str | None = None, lanes: int | None = None) -> Gpu:
+def open_device(selector: int | str | None = None, lanes: int | None = None) -> Workspace:
     """A queue on the chosen device. `lanes`: work-items that share a tile; by default 1 on a CPU and 64 elsewhere.
 
     The environment variable CLPEEL_DEVICE stands in for a selector that is not given.
     """
-    info = choose(os.environ.get("CLPEEL_DEVICE") if selector is None else selector)
+    info = find_device(os.environ.get("CLPEEL_DEVICE") if selector is None else selector)
     device = info.device
     if lanes is None:
         has_wide_vectors = device.type & cl.device_type.CPU and info.platform not in INTERPRETERS
@@ -187,14 +137,14 @@ def open_device(selector: int | str | None = None, lanes: int | None = None) -> 
         raise InputError(f"lanes: expected at most {device.max_work_group_size} on {info.name}, got {lanes}")
     context, builds = _kept(device)
     queue = cl.CommandQueue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
-    return Gpu(device, context, queue, lanes, builds)
+    return Workspace(device, context, queue, lanes, builds)
 
 
-_opened: dict[cl.Device, tuple[cl.Context, dict[Any, cl.Program]]] = {}
+_opened: dict[cl.Device, tuple[cl.Context, dict[Hashable, cl.Program]]] = {}
 _opening = Lock()
 
 
-def _kept(device: cl.Device) -> tuple[cl.Context, dict[Any, cl.Program]]:
+def _kept(device: cl.Device) -> tuple[cl.Context, dict[Hashable, cl.Program]]:
     """A device's context and what was built in it, kept for the process: the second picture need not wait for it."""
     with _opening:
         if device not in _opened:

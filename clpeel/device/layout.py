@@ -1,10 +1,9 @@
-"""The one birthplace of what the host and the kernels share: constants, structs and compile-time features."""
+"""What the host and the kernels share: constants and compile-time features. Structs are in records.py."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import Literal, get_args
 
 SUBPIXEL_BITS = 8
 """Vertices are snapped to 1/256 pixel; sample points lie at the pixels' centres."""
@@ -14,9 +13,6 @@ SUBPIXELS = 1 << SUBPIXEL_BITS
 GUARD_BAND = 1 << 24
 """Largest |x| or |y| of a snapped vertex, in subpixels from the image's centre (65,536 pixels).
 Extents then stay below 2**25, edge functions below 2**51, and every coordinate is an exact float32."""
-
-MAX_SIDE = 1 << 16
-"""Most pixels on a side of the image; half of it lies inside the guard band."""
 
 SMALL_EXTENT = 1 << 18
 """A triangle of fewer subpixels (1,024 pixels) a side has edge functions that fit 32 bits all over the tiles it meets,
@@ -41,13 +37,6 @@ FRAGMENT_BYTES = 8
 FRAGMENT_PADDING = 16
 """Fragments that a slab has room for beyond its last: up to seven are read with others (shading.h), and slabs begin
 where rows of 16 may."""
-
-TILE_TOTALS = 6
-"""What peeling tells of a tile: fragments, layers, passes, truncated pixels, the greatest transmittance of those, and
-samples with an opaque surface."""
-
-COMPLEXITY_TOTALS = 8
-"""What counting tells of a tile (counting.cl)."""
 
 IS_OPAQUE = 1 << 31
 """Of a pixel's count: an opaque surface lies behind. Counts are below 2**24 (binning.py)."""
@@ -83,7 +72,8 @@ ALL_LAYERS = (1 << 32) - 1
 AMBIENT = 0.2
 """Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""
 
-DEPTH_FORMATS = ("float32-reversed", "float32", "unorm24", "rgba8")
+DepthFormat = Literal["float32-reversed", "float32", "unorm24", "rgba8"]
+DEPTH_FORMATS: tuple[DepthFormat, ...] = get_args(DepthFormat)
 """What is kept of a depth, in the order of the kernels' numbers (depth.h)."""
 
 FLOAT32_REVERSED, FLOAT32, UNORM24, RGBA8 = range(len(DEPTH_FORMATS))
@@ -105,38 +95,6 @@ PADDING = 16
 """Vertices, faces or records that a work-item may write past the last one: as many as it does at once (wide.h).
 Also numbers in a line of a cache, where what is not wanted is written (binning.cl)."""
 
-VERTEX = np.dtype(
-    [
-        ("x", np.int32),  # subpixels right of the image's centre, rounded to nearest
-        ("y", np.int32),  # subpixels below the image's centre
-        ("offset_x", np.float32),  # exact minus snapped position, subpixels, within +-0.5
-        ("offset_y", np.float32),
-        ("depth", np.float32),  # reversed: near / view distance, or (far - distance) / (far - near)
-        ("outcode", np.uint32),
-    ]
-)
-"""A vertex after projection; only `outcode` means anything when it is not zero."""
-
-TRIANGLE = np.dtype(
-    [
-        ("x", np.int32, 3),  # snapped corners in subpixels, farthest first, the area positive with y down
-        ("y", np.int32, 3),
-        ("depth", np.float32, 3),  # of its plane at the first snapped corner, and how much more at the others
-        ("depth_min", np.float32),  # of the exact corners: no fragment lies outside them
-        ("depth_max", np.float32),
-        ("inverse_area", np.float32),  # 1 / twice the area in square subpixels
-        ("source", np.uint32),  # submission index: the face it comes from
-        ("flags", np.uint32),  # SMALL | BACK_FACING | OPAQUE
-        ("left_right", np.uint32),  # its bounds again: first column | last column << 16
-        ("top_bottom", np.uint32),  # first row | last row << 16
-    ]
-)
-"""What the rasterizer needs of a triangle: 64 bytes, a cache line."""
-
-STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE}
-
-_C_TYPES = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
-
 
 @dataclass(frozen=True)
 class Features:
@@ -149,7 +107,7 @@ class Features:
     packed_color: bool  # colours come as 4 bytes rather than 4 floats
     headlight: bool
     surfaces: str = "transparent"  # or "opaque", or "mixed": what is drawn first needs telling apart
-    depth_format: str = DEPTH_FORMATS[FLOAT32_REVERSED]
+    depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED]
 
     @property
     def fragment_color(self) -> bool:
@@ -188,20 +146,3 @@ class Features:
             "DEPTH_FORMAT": DEPTH_FORMATS.index(self.depth_format),
         }
         return [f"-D{name}={value}" for name, value in flags.items()]
-
-
-def declarations() -> str:
-    """OpenCL C text of the shared constants and structs."""
-    lines = [
-        f"#define {name} {value}"
-        for name, value in globals().items()
-        if name.isupper() and not name.startswith("_") and isinstance(value, int)
-    ]
-    lines.append(f"#define AMBIENT {AMBIENT!r}f")
-    for name, dtype in STRUCTS.items():
-        fields = []
-        for field in dtype.names or ():
-            base, shape = dtype[field].base, dtype[field].shape
-            fields.append(f"{_C_TYPES[base]} {field}{f'[{shape[0]}]' if shape else ''};")
-        lines.append(f"typedef struct {{ {' '.join(fields)} }} {name};")
-    return "\n".join(lines) + "\n"

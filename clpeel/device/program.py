@@ -15,7 +15,8 @@ import pyopencl as cl
 
 from clpeel.device.building import BUILDING, build
 from clpeel.device.devices import Gpu
-from clpeel.device.layout import Features, declarations
+from clpeel.device.layout import Features
+from clpeel.device.records import declarations
 
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _KERNEL = re.compile(r"^kernel void (\w+)\(([^)]*)\)", re.MULTILINE)

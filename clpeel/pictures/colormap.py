@@ -1,4 +1,7 @@
-"""The colour map: numbers 0..1 to colours that grow lighter evenly, for maps of one quantity."""
+"""The colour map: numbers 0..1 to colours that grow lighter evenly, for maps of one quantity.
+
+One map is all that is needed, so its 52 colours stand here: the package cmap, which has them too, takes 80 MB.
+"""
 
 from __future__ import annotations
 

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from clpeel.files import write_whole
 
+STEP = 1 / 255
+"""Between two neighbouring values of 8 bits. Colours no farther apart are at most one step apart when rounded."""
+
 
 def encode_png(image: NDArray[np.uint8]) -> bytes:
     """uint8 [height, width, 4] to the bytes of a PNG; without an alpha channel where every pixel is opaque."""

@@ -9,11 +9,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clpeel.errors import InputError
 from clpeel.reading.companions import Companions, named, unusable
 from clpeel.reading.strips import fan, strip
+from clpeel.scene.arrays import AnyArray
+
+Json = dict[str, Any]
+"""An object of JSON: what a file says in it is checked where it is read."""
 
 _DRACO = "KHR_draco_mesh_compression"
 _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -95,7 +98,7 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
 class _Document:
     """A glTF file's JSON while it is made plain."""
 
-    def __init__(self, tree: dict[str, Any], binary: bytes | None, companions: Companions) -> None:
+    def __init__(self, tree: Json, binary: bytes | None, companions: Companions) -> None:
         self.tree, self.binary, self.companions = tree, binary, companions
         self.buffers: list[bytes] = []
         self.notes: list[str] = []
@@ -157,7 +160,7 @@ class _Document:
 
     # --- primitives ---------------------------------------------------------------------------------------------------
 
-    def straighten(self, primitive: dict[str, Any]) -> None:
+    def straighten(self, primitive: Json) -> None:
         """Triangle strips, fans, packed and sparse numbers of a primitive become triangles and plain numbers."""
         attributes = primitive["attributes"]
         if _DRACO in primitive.get("extensions", {}):
@@ -202,7 +205,7 @@ class _Document:
             self.made[name, index] = self._add(values)
         return self.made[name, index]
 
-    def _values(self, index: int) -> NDArray[Any]:
+    def _values(self, index: int) -> AnyArray:
         """An accessor's numbers [count, width] as they are stored, its sparse ones in their places."""
         accessor = self.tree["accessors"][index]
         count, width, kind = accessor["count"], _WIDTHS[accessor["type"]], _TYPES[accessor["componentType"]]
@@ -217,7 +220,7 @@ class _Document:
             values[places[:, 0].astype(np.intp)] = self._stored(sparse["values"], kind, sparse["count"], width)
         return values
 
-    def _stored(self, place: dict[str, Any], kind: str, count: int, width: int) -> NDArray[Any]:
+    def _stored(self, place: Json, kind: str, count: int, width: int) -> AnyArray:
         """Numbers [count, width] at a byteOffset of a bufferView; ValueError or TypeError if it holds fewer."""
         view, row = self.tree["bufferViews"][place["bufferView"]], np.dtype(kind)
         start = view.get("byteOffset", 0)
@@ -225,7 +228,7 @@ class _Document:
         strides = (view.get("byteStride", row.itemsize * width), row.itemsize)
         return np.ndarray((count, width), row, data, place.get("byteOffset", 0), strides)
 
-    def _add(self, values: NDArray[Any]) -> int:
+    def _add(self, values: AnyArray) -> int:
         """A new accessor of numbers [count, width], in a buffer of its own."""
         data = np.ascontiguousarray(values).tobytes()
         kind = next(number for number, name in _TYPES.items() if np.dtype(name) == values.dtype)
@@ -261,7 +264,7 @@ class _Document:
         if posed:
             self.notes.append(f"morph targets left out: {len(posed)} mesh(es) are drawn without their weights")
 
-    def _used_materials(self) -> Iterator[tuple[str, dict[str, Any]]]:
+    def _used_materials(self) -> Iterator[tuple[str, Json]]:
         """Each material that a primitive has, with its name for a note."""
         primitives = [p for mesh in self.tree.get("meshes", []) for p in mesh["primitives"]]
         for index in sorted({p["material"] for p in primitives if "material" in p}):
@@ -294,9 +297,9 @@ class _Document:
             listed = ", ".join(sets[:5]) + (", …" if len(sets) > 5 else "")
             self.notes.append(f"second texture coordinates left out: {listed} drawn with the first set")
 
-    def _images(self, textures: list[int]) -> list[dict[str, Any]]:
+    def _images(self, textures: list[int]) -> list[Json]:
         """The images of these textures, each checked, for a new list; every other texture loses its source."""
-        stored, images, places = self.tree.get("images", []), list[dict[str, Any]](), dict[int, int | None]()
+        stored, images, places = self.tree.get("images", []), list[Json](), dict[int, int | None]()
         for index, texture in enumerate(self.tree.get("textures", [])):
             webp = texture.pop("extensions", {}).get("EXT_texture_webp", {})
             source = webp.get("source", texture.pop("source", None))
@@ -320,7 +323,7 @@ class _Document:
                 texture["source"] = places[source]
         return images
 
-    def _image(self, image: dict[str, Any], index: int) -> tuple[bytes | None, str]:
+    def _image(self, image: Json, index: int) -> tuple[bytes | None, str]:
         """An image's bytes, None after a note where they cannot be had, and its name for notes."""
         uri = image.get("uri", "")
         name = named(str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {index}")))

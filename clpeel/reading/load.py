@@ -8,31 +8,22 @@ import logging
 import os
 import sys
 import zlib
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from clpeel.errors import InputError
+from clpeel.reading.from_trimesh import from_trimesh, one_line
 from clpeel.reading.plain import READERS
 from clpeel.reading.reader_log import collected
 from clpeel.reading.signatures import check_beginning
+from clpeel.scene.arrays import checked_color, checked_opacity
 from clpeel.scene.duplicates import duplicates
-from clpeel.scene.scene import (
-    DEFAULT_COLOR,
-    Colors,
-    Scene,
-    alike,
-    as_float,
-    checked_color,
-    checked_opacity,
-    joined,
-    recolored,
-)
+from clpeel.scene.scene import Scene, joined, recolored
 
 KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf")
 """File types that `load` reads, also with .gz behind; more where trimesh has the packages for them."""
@@ -92,7 +83,7 @@ def _opened(source: Any) -> Scene:
     trimesh = sys.modules.get("trimesh")
     if trimesh is not None and isinstance(source, (trimesh.Trimesh, trimesh.Scene, trimesh.PointCloud)):
         with _errors_named("trimesh object"), collected():
-            return _from_trimesh(source)
+            return from_trimesh(source)
     raise InputError(f"load: expected a path, a trimesh object or a Scene, got {type(source).__name__}")
 
 
@@ -136,7 +127,7 @@ def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecor
     loaded = trimesh.load_scene(io.BytesIO(data), file_type=extension, resolver=companions, process=False)
     notes += losses.logged(records, told=extension in KNOWN_EXTENSIONS)
     notes += losses.missing(companions, notes)
-    scene = _from_trimesh(loaded)
+    scene = from_trimesh(loaded)
     own = [note for note in scene.notes if note not in notes]
     return replace(scene, notes=(*notes, *own))
 
@@ -162,9 +153,9 @@ def _contents(path: str) -> bytes:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise InputError(f"{path}: not a whole gzip file: {_line(error)}") from None
+        raise InputError(f"{path}: not a whole gzip file: {one_line(error)}") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or _line(error)}") from None
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or one_line(error)}") from None
 
 
 @contextmanager
@@ -178,163 +169,10 @@ def _errors_named(name: str) -> Iterator[None]:
     except MemoryError:
         raise InputError(f"{name}: not a readable mesh: it asks for more memory than there is") from None
     except Exception as error:
-        reason = f"the file is damaged (the reader stopped with {_line(error)})"
+        reason = f"the file is damaged (the reader stopped with {one_line(error)})"
         raise InputError(f"{name}: not a readable mesh: {reason}") from error
-
-
-def _line(error: BaseException) -> str:
-    """An error's type and message on one short line, control characters escaped."""
-    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(str(error).split()))
-    shown = text if len(text) <= 120 else f"{text[:119]}…"
-    return f"{type(error).__name__}: {shown}" if shown else type(error).__name__
 
 
 def _known() -> str:
     """The known extensions, for an error message."""
     return ", ".join(f".{extension}" for extension in KNOWN_EXTENSIONS) + " (also .gz of each)"
-
-
-# --- trimesh objects ------------------------------------------------------------------------------------------------
-
-
-def _from_trimesh(source: Any) -> Scene:
-    """The triangles of a trimesh mesh, or of every node of a trimesh scene in graph order; InputError if none."""
-    if hasattr(source, "graph"):
-        placed = [source.graph[node] for node in source.graph.nodes_geometry]
-        pieces = [(source.geometry[name], np.asarray(matrix, dtype=np.float64)) for matrix, name in placed]
-    else:
-        pieces = [(source, np.eye(4))]
-    meshes = [(mesh, matrix) for mesh, matrix in pieces if hasattr(mesh, "faces") and len(mesh.faces)]
-    others = Counter(_kind(piece) for piece, _ in pieces if not (hasattr(piece, "faces") and len(piece.faces)))
-    left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
-    if not meshes:
-        raise InputError(f"expected triangles, got {left_out or 'none'}; the mesh is empty")
-    scene = joined([_from_mesh(mesh, matrix) for mesh, matrix in meshes])
-    return replace(scene, notes=(*scene.notes, f"left out, not triangles: {left_out}")) if left_out else scene
-
-
-def _kind(piece: Any) -> str:
-    """What a piece of a trimesh scene without triangles is, for a message."""
-    if hasattr(piece, "entities"):
-        return "line set(s)"
-    return "mesh(es) without faces" if hasattr(piece, "faces") else "point cloud(s)"
-
-
-def _from_mesh(mesh: Any, matrix: NDArray[np.float64]) -> Scene:
-    """The scene of one trimesh.Trimesh moved by matrix [4, 4]."""
-    vertices = np.asarray(mesh.vertices, dtype=np.float64)
-    normals = np.asarray(mesh.vertex_normals) if "vertex_normals" in mesh._cache else None
-    if normals is not None and normals.shape != vertices.shape:
-        normals = None
-    if not np.array_equal(matrix, np.eye(4)):
-        turn = matrix[:3, :3]
-        vertices = _linear(vertices, turn) + matrix[:3, 3]
-        if normals is not None:
-            turn = turn / np.abs(turn).max()
-            cofactors = np.cross(turn[[1, 2, 0]], turn[[2, 0, 1]])  # the inverse transpose times the determinant
-            normals = _linear(normals, cofactors)
-            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    colors, notes = _mesh_colors(mesh)
-    scene = Scene.from_arrays(vertices, np.asarray(mesh.faces), vertex_normals=normals, **colors)
-    return replace(scene, notes=notes)
-
-
-def _linear(points: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """matrix [3, 3] times each of points [n, 3], in an order of sums that no BLAS chooses: the same bits everywhere."""
-    x, y, z = points[:, :1], points[:, 1:2], points[:, 2:]
-    return x * matrix[:, 0] + y * matrix[:, 1] + z * matrix[:, 2]
-
-
-def _mesh_colors(mesh: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """The colour argument of Scene.from_arrays for a trimesh.Trimesh ({} if the mesh has no colour), and notes."""
-    visual, notes = mesh.visual, list[str]()
-    if visual.kind in ("face", "vertex"):
-        name = f"{visual.kind}_colors"
-        values = np.asarray(getattr(visual, name))
-        if len(values) == len(mesh.faces if visual.kind == "face" else mesh.vertices):
-            return {name: values}, ()
-        return {}, (f"{name} left out: {len(values)} do not fit the mesh",)
-    if visual.kind != "texture":
-        return {}, ()
-    if hasattr(visual.material, "materials"):  # one material a face
-        table = [_material(material, None, notes) for material in visual.material.materials]
-        default = np.array(DEFAULT_COLOR, np.uint8)
-        rgba = alike([default if c is None else _finished(m, c) for m, c in zip(visual.material, table, strict=True)])
-        return {"face_colors": np.array(rgba)[np.asarray(visual.face_materials)]}, tuple(notes)
-    uv = visual.uv if np.shape(visual.uv) == (len(mesh.vertices), 2) else None
-    colors = _material(visual.material, uv, notes)
-    attributes = [a["color"] for a in (visual.vertex_attributes, mesh.vertex_attributes) if "color" in a]
-    if attributes and np.shape(attributes[0]) in ((len(mesh.vertices), 3), (len(mesh.vertices), 4)):
-        own = _unit_colors(np.asarray(attributes[0]))
-        colors = own if colors is None else own * as_float(colors)
-    elif attributes:
-        notes.append("vertex colours left out: they do not fit the mesh")
-    if colors is None:
-        return {}, tuple(notes)
-    return {"color" if colors.ndim == 1 else "vertex_colors": _finished(visual.material, colors)}, tuple(notes)
-
-
-_INVENTED_DIFFUSE = (102, 102, 102, 255)  # what trimesh gives a material without Kd
-_INVENTED_IMAGE = bytes((100, 100, 100, 255)) * 4  # and a mesh with texture coordinates but without a material
-
-
-def _material(material: Any, uv: NDArray[np.float64] | None, notes: list[str]) -> Colors | None:
-    """A material's RGBA [4], or [n, 4] with a texture sampled at uv [n, 2]; None where trimesh made the material up."""
-    if hasattr(material, "baseColorFactor"):  # glTF
-        factor, image = material.baseColorFactor, material.baseColorTexture
-    else:  # OBJ and others
-        image, invented = material.image, "kd" not in material.kwargs and tuple(material.diffuse) == _INVENTED_DIFFUSE
-        if invented and (image is None or (image.size == (2, 2) and image.tobytes() == _INVENTED_IMAGE)):
-            return None
-        factor = None if invented else material.diffuse
-    colors: Colors = np.full(4, 255, np.uint8) if factor is None else np.asarray(factor, dtype=np.uint8)
-    if image is None:
-        return colors
-    if uv is None:
-        notes.append("texture left out: the mesh has no coordinates for it")
-        return colors
-    try:
-        texels = _texels(image, uv)
-    except (OSError, ValueError) as error:
-        notes.append(f"texture left out: {_line(error)}")
-        return colors
-    notes.append("textures are sampled at the vertices only")
-    return texels if (colors == 255).all() else as_float(texels) * as_float(colors)
-
-
-def _texels(image: Any, uv: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The nearest texels [n, 4] of a PIL image, repeated, at uv [n, 2] with v up; 0 and 1 are its outermost texels."""
-    pixels: NDArray[np.uint8] = np.asarray(image.convert("RGBA"))
-    size = np.array([image.width, image.height])
-    spot = np.nan_to_num(uv * [1, -1] + [0, 1], posinf=0.0, neginf=0.0) * (size - 1)
-    column, row = (np.rint(np.mod(spot, size)).astype(np.int64) % size).T
-    return np.asarray(pixels[row, column])
-
-
-def _finished(material: Any, colors: Colors) -> Colors:
-    """The colours [4] or [n, 4], their alpha as the material's alphaMode (glTF) or d or Tr (OBJ) wants it."""
-    top = 255 if colors.dtype == np.uint8 else 1
-    colors = colors.copy()
-    if hasattr(material, "baseColorFactor"):
-        mode = material.alphaMode or "OPAQUE"
-        if mode == "MASK":
-            cutoff = 0.5 if material.alphaCutoff is None else material.alphaCutoff
-            colors[..., 3] = np.where(colors[..., 3] / top >= cutoff, top, 0)
-        elif mode != "BLEND":
-            colors[..., 3] = top
-        return colors
-    for key in ("d", "tr"):
-        if key in material.kwargs:
-            value = float(material.kwargs[key][-1])
-            colors = as_float(colors)
-            colors[..., 3] *= min(max(value if key == "d" else 1 - value, 0.0), 1.0)
-            break
-    return colors
-
-
-def _unit_colors(colors: NDArray[Any]) -> NDArray[np.float32]:
-    """Colours [n, 3|4] of any dtype, normalised integers included, as float32 [n, 4] in 0..1."""
-    top = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1
-    rgba = np.ones((len(colors), 4), dtype=np.float32)
-    rgba[:, : colors.shape[1]] = np.clip(np.nan_to_num(colors / top), 0, 1)
-    return rgba

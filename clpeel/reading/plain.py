@@ -12,11 +12,11 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clpeel.errors import InputError
 from clpeel.reading.signatures import foreign, looks_like
 from clpeel.reading.uneven import COUNT_OF, INDICES, Element, ply_colors, ply_columns, uneven_ply
+from clpeel.scene.arrays import AnyArray
 from clpeel.scene.scene import Scene
 
 _PLY_TYPES = dict(
@@ -96,7 +96,7 @@ def _ply_header(data: bytes) -> tuple[str, list[Element], int]:
     return kind, [(name, count, row.newbyteorder(file_order)) for name, count, row in rows], body
 
 
-def _ply_table(text: bytes, row: np.dtype[Any], count: int) -> NDArray[Any]:
+def _ply_table(text: bytes, row: np.dtype, count: int) -> AnyArray:
     """count rows of numbers in text as a structured array; ValueError if they do not fit."""
     widths = {name: math.prod(row[name].shape) for name in row.names or ()}
     columns, whole = sum(widths.values()), all(row[name].base.kind in "iu" for name in widths)
@@ -143,7 +143,7 @@ def _plain_stl(data: bytes) -> Scene | None:
     return replace(scene, notes=tuple(notes))
 
 
-def _like_triangles(rows: NDArray[Any]) -> bool:
+def _like_triangles(rows: AnyArray) -> bool:
     """Whether rows beyond the count of an STL file look like triangles: of usual sizes, and none all zero."""
     corners = rows["corners"].reshape(-1, 9)
     sizes = np.abs(corners)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clpeel.errors import InputError
 from clpeel.reading.strips import strip
+from clpeel.scene.arrays import AnyArray
 from clpeel.scene.scene import Scene
 
 COUNT_OF = "count of "
@@ -18,7 +19,7 @@ COUNT_OF = "count of "
 INDICES = ("vertex_indices", "vertex_index")
 """What the list of a face's corners is called."""
 
-Element = tuple[str, int, np.dtype[Any]]
+Element = tuple[str, int, np.dtype]
 """An element's name, its number of rows, and the type of a row, where a list is its count and three items."""
 
 _Columns = dict[str, Any]
@@ -56,7 +57,7 @@ def uneven_ply(data: bytes, kind: str, elements: list[Element], body: int) -> Sc
     return replace(scene, notes=tuple(notes))
 
 
-def _fan(part: NDArray[Any]) -> NDArray[np.int64]:
+def _fan(part: AnyArray) -> NDArray[np.int64]:
     """The triangles [n - 2, 3] of a polygon of n corners."""
     part = part.astype(np.int64)
     return np.stack([np.broadcast_to(part[:1], part[2:].shape), part[1:-1], part[2:]], axis=1)
@@ -79,14 +80,14 @@ def _colors(columns: dict[str, _Columns], corners: Any, strips: bool, notes: lis
     return found
 
 
-def ply_columns(table: NDArray[Any], names: str) -> NDArray[Any] | None:
+def ply_columns(table: AnyArray, names: str) -> AnyArray | None:
     """The named scalar columns side by side, [rows, columns]; None if one is missing."""
     if not set(names.split()) <= set(table.dtype.names or ()):
         return None
     return np.stack([table[name] for name in names.split()], axis=1)
 
 
-def ply_colors(table: NDArray[Any]) -> NDArray[Any] | None:
+def ply_colors(table: AnyArray) -> AnyArray | None:
     """uint8 [rows, 3 or 4] if the table has colours; ValueError if they are no bytes, whose range would be a guess."""
     colors = ply_columns(table, "red green blue alpha")
     if colors is None:
@@ -128,7 +129,7 @@ class _Text:
             wrong = next((word for word in text.split() if not _is_number(word)), b"")[:20].decode("latin-1")
             raise InputError(f"not a readable mesh: expected numbers after the header, got {wrong!r}")
 
-    def element(self, name: str, count: int, row: np.dtype[Any]) -> _Columns:
+    def element(self, name: str, count: int, row: np.dtype) -> _Columns:
         """The next count rows by column; InputError if there are fewer."""
         fields = [field for field in row.names or () if not row[field].shape]
         lists = [field.startswith(COUNT_OF) for field in fields]
@@ -181,7 +182,7 @@ class _Binary:
     def __init__(self, data: bytes, body: int) -> None:
         self.data, self.at = data, body
 
-    def element(self, name: str, count: int, row: np.dtype[Any]) -> _Columns:
+    def element(self, name: str, count: int, row: np.dtype) -> _Columns:
         """The next count rows by column; InputError if there are fewer."""
         fields = [field for field in row.names or () if not row[field].shape]
         if not any(field.startswith(COUNT_OF) for field in fields):
@@ -210,7 +211,7 @@ class _Binary:
                 found[field] = np.concatenate(found[field]) if found[field] else np.zeros(0, row[field])
         return found
 
-    def _even(self, fields: list[str], count: int, row: np.dtype[Any]) -> _Columns | None:
+    def _even(self, fields: list[str], count: int, row: np.dtype) -> _Columns | None:
         """The next count rows if their lists are all as long as the first row's; else None, and they are still next."""
         types: list[Any] = []
         for field in fields:

@@ -7,22 +7,23 @@ picture takes and not how right it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
 
-from clpeel.device.devices import Gpu
-from clpeel.device.layout import ALL_LAYERS, LIST_GAP
+from clpeel.device.layout import ALL_LAYERS, COLOR_BYTES, FRAGMENT_BYTES, LIST_GAP, Features
+from clpeel.device.memory import Budget
+from clpeel.options import Options
+from clpeel.pictures.png import STEP
 from clpeel.rendering.estimates import cost_of, work_of
-from clpeel.stages.binning import Batch
+from clpeel.rendering.request import Request
+from clpeel.stages.binning import Batch, Tiles
 from clpeel.stages.counting import TileCounts, look_at_some
-from clpeel.stages.one_pass import OWN_BUFFERS, checked_error
-from clpeel.stages.projection import Triangles
-from clpeel.techniques import LAYERS, MAX_ERROR, TECHNIQUES, Technique, labelled
-from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
-
-STEP = 1 / 255
-"""Colours that lie no farther apart are at most one step apart when they are rounded to 8 bits."""
+from clpeel.stages.frame import float32_below
+from clpeel.stages.many_passes import totals_bytes
+from clpeel.stages.one_pass import OWN_BUFFERS, slab_bytes
+from clpeel.techniques import TECHNIQUES, AnyTechnique
+from clpeel.techniques.precision import DEFAULT_PRECISION, Bounded, blending_bound
 
 FEW_RECORDS = 8192
 """In tiles: a picture of fewer takes about a millisecond, and is not looked at."""
@@ -39,8 +40,8 @@ class Alternative:
     fits: whether the memory surely holds what it needs.
     """
 
-    technique: str
-    options: dict[str, Any]
+    technique: AnyTechnique
+    options: Options
     nanoseconds: float
     nbytes: int
     fits: bool
@@ -48,7 +49,7 @@ class Alternative:
     @property
     def name(self) -> str:
         """The technique and those of its options that make it another."""
-        return labelled(self.technique, self.options)
+        return self.technique.label(self.options)
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Choice:
 
         seconds: by stage, of the device, as of `Result.stats`.
         """
-        own = seconds.get(self.chosen.technique, 0.0)
+        own = seconds.get(self.chosen.technique.name, 0.0)
         device = seconds["total"] - seconds["host"]
         others = self.others if self.chosen.nanoseconds else ()  # of what was not looked at nothing is known
 
@@ -103,35 +104,46 @@ def layers_seen(max_error: float, mean: float, deviation: float) -> int:
     return max(math.ceil(root**2 - 1e-6), 1)
 
 
-def candidates(
-    max_error: float, most_layers: int, most_alpha: float
-) -> Iterator[tuple[str, Technique, dict[str, Any]]]:
+def candidates(max_error: float, most_layers: int, most_alpha: float) -> Iterator[tuple[AnyTechnique, Options]]:
     """Techniques that keep to the error with so many layers of such alphas, and their options."""
-    for name, technique in TECHNIQUES.items():
-        if technique.exact and MAX_ERROR in technique.options:
-            for variant in technique.variants:
-                yield name, technique, {**variant, MAX_ERROR: max_error}
-        elif technique.left_out is not None and technique.left_out(most_layers, most_alpha) <= max_error:
-            yield name, technique, {}
+    for technique in TECHNIQUES.values():
+        if technique.exact and issubclass(technique.options, Bounded):
+            for variant in technique.variants():
+                yield technique, replace(variant, max_error=max_error)
+        else:
+            error = technique.error_without_order(most_layers, most_alpha)
+            if error is not None and error <= max_error:
+                yield technique, technique.options()
 
 
-def choose(
-    gpu: Gpu,
-    triangles: Triangles,
-    batch: Batch,
-    most_layers: int,
-    capacity_of: Callable[[Technique], int],
-    max_error: float | None,
-    layers: bool,
-) -> Choice:
-    """Looks at a batch and chooses.
+def capacity_of(technique: AnyTechnique, features: Features, budget: Budget) -> int:
+    """How many fragments of the technique the budget has room for."""
+    widest = COLOR_BYTES if features.fragment_color else FRAGMENT_BYTES
+    return budget.capacity(features.fragment_bytes + technique.scratch_bytes, widest)
 
-    most_layers: the longest list of a tile, and so more than any pixel has. capacity_of: how many fragments the memory
-    holds, of a technique. max_error: as of bounded (draw.py), None for error_for_8_bits. layers: whether they are asked
-    for, which leaves those that peel.
+
+def chosen_for(request: Request, tiles: Tiles, budget: Budget) -> tuple[Request, Iterator[Batch], Choice | None]:
+    """The request with a technique, and the batches to draw: auto looks at the first and chooses."""
+    batches = tiles.batches(budget.batch, middle_first=request.is_auto)
+    if not request.is_auto:
+        return request, batches, None
+    request.report(0.0, "looking")
+    first = next(batches)
+    choice = choose_technique(request, tiles, first, budget)
+    chosen = request.chosen(choice.chosen.technique, choice.chosen.options)
+    return chosen, chain((first,), batches), choice
+
+
+def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budget) -> Choice:
+    """Looks at a batch and chooses among all techniques that keep to the request's error.
+
+    Without an error in the request that is error_for_8_bits. Where layers are asked for, the techniques that peel are
+    left.
     """
-    checked = checked_error(max_error)
-    error = error_for_8_bits(most_layers + 1) if checked is None else float(checked)
+    gpu, triangles = tiles.gpu, tiles.triangles
+    most_layers = int(tiles.tile_pairs.max())  # the longest list of a tile, and so more than any pixel has
+    asked = request.max_error
+    error = error_for_8_bits(most_layers + 1) if asked is None else float32_below(asked)
     features, records = triangles.features, int(batch.tile_pairs.sum())
     depths = triangles.scene.scene.optical_depths
     seen = layers_seen(error, depths.mean, depths.deviation)
@@ -141,11 +153,11 @@ def choose(
     held = triangles.scene.nbytes
     held += sum(int(buffer.size) for name, buffer in gpu.buffers.items() if name not in OWN_BUFFERS)
     choices = []
-    for name, technique, options in candidates(error, most_layers, depths.most_alpha):
-        if layers and LAYERS not in technique.options:
+    for technique, options in candidates(error, most_layers, depths.most_alpha):
+        if request.picture.layers and not technique.sorts:
             continue
-        capacity = capacity_of(technique)
-        cost = None if found is None else cost_of(labelled(name, options), technique, found)
+        capacity = capacity_of(technique, features, budget)
+        cost = None if found is None else cost_of(technique, options, found)
         if found is None:
             nanoseconds = 0.0
         elif cost is None:
@@ -153,8 +165,12 @@ def choose(
         else:
             nanoseconds = work_of(technique, found, features.fragment_color, options, seen).nanoseconds(cost)
         fits = not technique.stores_fragments or most_layers + LIST_GAP <= capacity
-        nbytes = held + technique.device_bytes(gpu, features, batch, capacity, options)
-        choices.append(Alternative(name, options, nanoseconds, nbytes, fits))
+        nbytes = held + (
+            slab_bytes(gpu, features, batch, capacity, technique.scratch_bytes)
+            if technique.stores_fragments
+            else totals_bytes(batch)
+        )
+        choices.append(Alternative(technique, options, nanoseconds, nbytes, fits))
     # The registry's first is the exact one that has no need of the look.
     fitting = [choice for choice in choices if choice.fits] or choices
     best = min(fitting, key=lambda choice: choice.nanoseconds)
@@ -163,12 +179,12 @@ def choose(
 
 
 def reason(surfaces: str, found: TileCounts | None, seen: int, records: int) -> str:
-    """Why."""
+    """One clause that explains the choice, for Choice.explanation."""
     if surfaces == "opaque":
         return "nothing is transparent, so that one pass finds the nearest surfaces whatever the technique"
     if found is None:
         return f"so little is in view ({records:,} triangles in tiles) that a look would take longer than it could save"
-    deepest = int(found.totals[:, 1].max())
+    deepest = int(found.totals["layers"].max())
     needed = f", of which {seen} hide what is behind" if seen < deepest else ""
     return (
         f"{len(found.records)} tiles have up to {deepest} layers{needed}, "

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clpeel.device.layout import ALL_LAYERS, TILE_PIXELS
+from clpeel.options import Options
 from clpeel.rendering import costs
 from clpeel.rendering.costs import Cost
 from clpeel.stages.counting import Counted, TileCounts
-from clpeel.techniques import Technique, labelled
+from clpeel.techniques import AnyTechnique
 
 
 @dataclass(frozen=True)
@@ -35,33 +36,32 @@ class Work:
         )
 
 
-def counting_nanoseconds(records: Any, visits: Any) -> Any:
+def counting_nanoseconds(records: NDArray[np.int64], visits: NDArray[np.int64]) -> NDArray[np.float64]:
     """Of a walk over so many records that visits so many strips, but for what counting stores of each pixel."""
     return costs.RECORD * records + costs.VISIT * visits
 
 
-def work_of(
-    technique: Technique, tiles: TileCounts, shaded: bool, options: dict[str, Any], seen: int = ALL_LAYERS
-) -> Work:
+def work_of(technique: AnyTechnique, tiles: TileCounts, shaded: bool, options: Options, seen: int = ALL_LAYERS) -> Work:
     """What drawing takes: all of a tile's transparent records once in each pass that the tile needs.
 
     A tile makes as many passes as its own deepest pixel needs, or `seen` layers, behind which nothing is peeled.
     options: of the technique.
     """
-    fragments, deepest, solid, all_fragments, all_deepest, visits, opaque_visits, opaque_records = tiles.totals.T
-    records, weights = tiles.records, tiles.weights
-    if technique.maps:  # of all surfaces, whatever their alphas
-        fragments, deepest, visits = all_fragments, all_deepest, visits + opaque_visits
+    totals, records, weights = tiles.totals, tiles.records, tiles.weights
+    fragments, deepest, visits = totals["fragments"], totals["layers"], totals["visits"]
+    opaque_visits, opaque_records = totals["opaque_visits"], totals["opaque_records"]
+    if technique.all_surfaces:
+        fragments, deepest, visits = totals["all_fragments"], totals["all_layers"], visits + opaque_visits
         opaque_visits = opaque_records = np.zeros_like(records)
     elif tiles.features.surfaces == "opaque":
-        drawn = float(weights @ solid)
+        drawn = float(weights @ totals["opaque"])
         walk = float(weights @ counting_nanoseconds(records, opaque_visits))
         return Work(walk, drawn, 0.0, drawn * shaded, tiles.pixels)
     records = records - opaque_records
     if technique.stores_fragments:
         seen = ALL_LAYERS  # it has them all before it can tell
-    elif technique.peeled is not None:
-        seen = min(seen, sum(technique.peeled(**options)))
+    elif (peeled := technique.peeled(options)) is not None:
+        seen = min(seen, sum(peeled))
     needed = np.minimum(deepest, seen)
     passes = np.maximum(technique.passes_for(needed, options), 1)
     walks = passes * counting_nanoseconds(records, visits) + counting_nanoseconds(opaque_records, opaque_visits)
@@ -72,24 +72,23 @@ def work_of(
     return Work(float(weights @ walks), total, lit, total * shaded, tiles.pixels)
 
 
-def cost_of(row: str, technique: Technique, tiles: TileCounts) -> Cost | None:
+def cost_of(technique: AnyTechnique, options: Options, tiles: TileCounts) -> Cost | None:
     """The row of the table; None where it has not been measured."""
-    all_opaque = tiles.features.surfaces == "opaque" and not technique.maps
-    return costs.OPAQUE if all_opaque else costs.COSTS.get(row)
+    all_opaque = tiles.features.surfaces == "opaque" and not technique.all_surfaces
+    return costs.ALL_OPAQUE_COST if all_opaque else costs.COSTS.get(technique.variant(options))
 
 
 def scale_of(counted: Counted) -> float:
     """How many times as long counting took as it does where the costs were measured."""
     tiles = counted.tiles
-    expected = counting_nanoseconds(float(tiles.records.sum()), float(tiles.totals[:, 5:7].sum()))
+    visits = tiles.totals["visits"] + tiles.totals["opaque_visits"]
+    expected = float(counting_nanoseconds(tiles.records, visits).sum())
     return counted.walk_seconds * 1e9 / (expected + costs.PIXEL * tiles.pixels)
 
 
-def estimated_seconds(
-    name: str, technique: Technique, counted: Counted, shaded: bool, options: dict[str, Any]
-) -> float | None:
+def estimated_seconds(technique: AnyTechnique, counted: Counted, shaded: bool, options: Options) -> float | None:
     """Of the stages before, as measured, and of drawing by the table, scaled as counting was beside the table."""
-    cost = cost_of(labelled(name, options), technique, counted.tiles)
+    cost = cost_of(technique, options, counted.tiles)
     if cost is None:
         return None
     work = work_of(technique, counted.tiles, shaded, options)

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.device.layout import SUBPIXELS
+from clpeel.checks import AXES
 from clpeel.errors import InputError
 from clpeel.scene.scene import Scene
 
 Vector = Sequence[float] | NDArray[np.float64]
 
-AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 
 NEAREST_SHARE = 1e-6
 """Near plane of a fitted clipping range, as a share of the far one, where the eye is within the scene. Reversed depth
@@ -32,11 +31,6 @@ LEAST_SHARE = 2.0**-12
 
 THINNEST_SLICE = 2.0**-40
 """Of the scene, that an orthographic range is taken to hold: positions of 48 bits have hardly a thinner one."""
-
-
-PLANE_SLACK = 2.0**-22
-"""How far the clipping planes reach beyond their depths, relatively (orthographic: of the range). Three roundings to
-float32 lie between a point exactly on a plane and its depth: this much keeps it inside."""
 
 
 FLAT = 1e-6
@@ -252,37 +246,6 @@ class Camera:
         corners = np.array(np.meshgrid(*scene.bounds.T, indexing="ij")).reshape(3, -1).T
         distances = (corners - np.asarray(self.position, np.float64)) @ self.axes()[2]
         return float(distances.min()), float(distances.max())
-
-    def projection(
-        self, scene_origin: NDArray[np.float64], scale: float, clipping: tuple[float, float], size: tuple[int, int]
-    ) -> tuple[NDArray[np.float32], float, float]:
-        """The kernels' matrix for positions (v - scene_origin) * scale, and the depths of the near and far planes.
-
-        Returns float32 [4, 2, 4]: rows x, y, z, w of clip space (projection.cl), each as high and low parts; x and y
-        are in subpixels times w from the image's centre, y down; z / w is the reversed depth, 1 at the near plane.
-        """
-        _, height = size
-        near, far = (value * scale for value in clipping)
-        eye = (np.asarray(self.position, np.float64) - scene_origin) * scale
-        right, up, forward = self.axes()
-        half = math.tan(math.radians(self.view_angle) / 2)
-
-        def row(vector: NDArray[np.float64], factor: float = 1.0, offset: float = 0.0) -> list[float]:
-            return [*(vector * factor), offset - float(np.dot(vector, eye)) * factor]
-
-        if self.orthographic:
-            per_unit = SUBPIXELS * height / 2 / (half * self.distance * scale)
-            depth = row(forward, -1 / (far - near), far / (far - near))
-            matrix = [row(right, per_unit), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
-            depth_far = -PLANE_SLACK
-        else:
-            per_unit = SUBPIXELS * height / 2 / half
-            matrix = [row(right, per_unit), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
-            depth_far = near / far * (1 - PLANE_SLACK)
-        exact = np.array(matrix, np.float64)
-        high = exact.astype(np.float32)
-        low = (exact - high).astype(np.float32)
-        return np.stack([high, low], axis=1), 1 + PLANE_SLACK, float(np.float32(depth_far))
 
 
 # --- where to look by default -----------------------------------------------------------------------------------------

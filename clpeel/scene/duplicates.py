@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
+
+from clpeel.scene.arrays import AnyArray
 
 _ODD = [np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xFF51AFD7ED558CCD)]
 """Multipliers that spread every bit of a coordinate upwards."""
@@ -43,7 +43,7 @@ def _hashes(points: NDArray[np.float64]) -> NDArray[np.uint64]:
     return mixed
 
 
-def _sums(corners: NDArray[Any], faces: NDArray[np.int32]) -> NDArray[Any]:
+def _sums(corners: AnyArray, faces: NDArray[np.int32]) -> AnyArray:
     """The sum of the three corners' hashes of each face: it forgets their order."""
     first, second, third = corners.take(faces.reshape(-1)).reshape(-1, 3).T
     return first + second + third
@@ -57,7 +57,7 @@ def _alike(keys: NDArray[np.uint32]) -> NDArray[np.intp]:
     return np.flatnonzero(marked[keys >> np.uint32(12)])
 
 
-def _equal_next(keys: NDArray[Any]) -> NDArray[np.bool_]:
+def _equal_next(keys: AnyArray) -> NDArray[np.bool_]:
     """Whether each key but the last is equal to the next."""
     same: NDArray[np.bool_] = keys[1:] == keys[:-1]
     return same

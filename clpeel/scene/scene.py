@@ -12,13 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from clpeel.errors import InputError
-from clpeel.scene.color import parse_color
-
-DEFAULT_COLOR = (120, 150, 190, 255)
-"""RGBA of a mesh that brings no colour of its own, uint8."""
-
-Colors = NDArray[Any]
-"""RGBA in the last axis: uint8 0..255 or float32 0..1."""
+from clpeel.scene.arrays import (
+    DEFAULT_COLOR,
+    Colors,
+    alike,
+    as_float,
+    checked_colors,
+    checked_faces,
+    checked_normals,
+    checked_opacity,
+    checked_vertices,
+)
 
 _FAR_FROM_ORIGIN = 16.0  # in half diagonals: beyond this, float32 spends four bits or more on the offset
 _SCALE_EXPONENT = 60  # beyond 2**±60, float32 products of a few coordinates could leave the range of float32
@@ -86,8 +90,8 @@ class Scene:
 
         Raises InputError, which names the argument, what was expected and what came.
         """
-        points = _vertices(vertices)
-        triangles = _faces(faces, len(points))
+        points = checked_vertices(vertices)
+        triangles = checked_faces(faces, len(points))
         given = {"face_colors": face_colors, "vertex_colors": vertex_colors, "color": color}
         names = [name for name, value in given.items() if value is not None]
         if len(names) > 1:
@@ -102,7 +106,7 @@ class Scene:
             if vertex_colors is None
             else checked_colors("vertex_colors", vertex_colors, (len(points),)),
             color=None if color is None else checked_colors("color", color, ()),
-            vertex_normals=None if vertex_normals is None else _normals(vertex_normals, len(points)),
+            vertex_normals=None if vertex_normals is None else checked_normals(vertex_normals, len(points)),
         )
         return scene if opacity is None else recolored(scene, None, checked_opacity(opacity))
 
@@ -233,102 +237,6 @@ def with_vertex_colors(scene: Scene) -> Scene:
 # --- checks ---------------------------------------------------------------------------------------------------------
 
 
-def _vertices(value: ArrayLike) -> NDArray[np.float64]:
-    """value as float64 [n, 3], or InputError."""
-    array = _array("vertices", value)
-    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
-        raise InputError(f"vertices: expected [n, 3] real numbers, got {_described(array)}")
-    return np.ascontiguousarray(array, dtype=np.float64)
-
-
-def _faces(value: ArrayLike, count: int) -> NDArray[np.int32]:
-    """value as int32 [m, 3] with every index in 0..count-1 and m >= 1, or InputError."""
-    array = _array("faces", value)
-    if array.size == 0:
-        raise InputError("faces: expected at least one triangle, got none; the mesh is empty")
-    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
-        raise InputError(f"faces: expected [m, 3] integers, got {_described(array)}")
-    least, greatest = int(array.min()), int(array.max())
-    if least < 0 or greatest >= count:
-        wrong = least if least < 0 else greatest
-        face = int(np.argmax((array == wrong).any(axis=1)))
-        raise InputError(f"faces: expected indices 0..{count - 1}, got {wrong} in face {face}; the mesh is damaged")
-    return np.ascontiguousarray(array, dtype=np.int32)
-
-
-def _normals(value: ArrayLike, count: int) -> NDArray[np.float32]:
-    """value as float32 [count, 3], or InputError."""
-    array = _array("vertex_normals", value)
-    if array.shape != (count, 3) or array.dtype.kind not in "fiu":
-        raise InputError(f"vertex_normals: expected [{count}, 3] real numbers, got {_described(array)}")
-    with np.errstate(over="ignore", under="ignore"):
-        return np.ascontiguousarray(array, dtype=np.float32)
-
-
-def checked_color(name: str, value: ArrayLike) -> Colors:
-    """value, numbers or text such as "red" or "#rrggbbaa", uint8 or float32 [3], or [4] with alpha, or InputError."""
-    numbers = _written(name, value, alpha=True)
-    return checked_colors(name, numbers, ())[: np.shape(numbers)[0]]
-
-
-def _written(name: str, value: Any, alpha: bool = False) -> Any:
-    """A colour that is text as numbers 0..1, or InputError; anything else as it is."""
-    if not isinstance(value, str):
-        return value
-    try:
-        return parse_color(value, alpha)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
-
-
-def checked_colors(name: str, value: ArrayLike, rows: tuple[int, ...]) -> Colors:
-    """value as uint8 or float32 [*rows, 4], or InputError; a single colour may be text."""
-    array = _array(name, value if rows else _written(name, value, alpha=True))
-    if array.shape not in ((*rows, 3), (*rows, 4)) or array.dtype.kind not in "fiu":
-        shape = ", ".join(map(str, (*rows, "3 or 4")))
-        raise InputError(f"{name}: expected [{shape}] integers 0..255 or floats 0..1, got {_described(array)}")
-    top = 1 if array.dtype.kind == "f" else 255
-    if array.size and array.dtype != np.uint8:
-        least, greatest = array.min(), array.max()  # NaN if any is
-        if not (least >= 0 and greatest <= top):
-            wrong = greatest if not greatest <= top else least
-            kind = "floats" if top == 1 else "integers"
-            raise InputError(f"{name}: expected {kind} 0..{top}, got {wrong}")
-    colors = np.empty((*rows, 4), dtype=np.float32 if top == 1 else np.uint8)
-    colors[..., : array.shape[-1]] = array
-    if array.shape[-1] == 3:
-        colors[..., 3] = top
-    return colors
-
-
-def checked_rgb(name: str, value: Any, or_none: str = "") -> tuple[float, float, float]:
-    """value, numbers or text such as "red", as three numbers 0..1, or InputError. or_none: what else it may be."""
-    numbers = _written(name, value)
-    try:
-        red, green, blue = (float(part) for part in numbers)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: expected 3 numbers 0..1{or_none}, got {value!r}") from None
-    if not all(0 <= part <= 1 for part in (red, green, blue)):
-        raise InputError(f"{name}: expected 3 numbers 0..1, got {value!r}")
-    return red, green, blue
-
-
-def checked_background(background: Sequence[float] | str | None) -> tuple[float, float, float] | None:
-    """Three numbers 0..1, of text such as "white" too, or None; or InputError."""
-    return None if background is None else checked_rgb("background", background, " or None")
-
-
-def checked_opacity(value: Any) -> float:
-    """value as a float in 0..1, or InputError."""
-    try:
-        opacity = float(value)
-    except (TypeError, ValueError):
-        opacity = math.nan
-    if not 0 <= opacity <= 1:
-        raise InputError(f"opacity: expected a number 0..1, got {value}")
-    return opacity
-
-
 def recolored(scene: Scene, color: Colors | None, opacity: float | None) -> Scene:
     """The scene with its rgb replaced by color [3] (with [4] its alpha too), then its alpha by opacity, where given."""
     colors = scene.colors
@@ -348,26 +256,3 @@ def recolored(scene: Scene, color: Colors | None, opacity: float | None) -> Scen
     fields: dict[str, Any] = {"face_colors": None, "vertex_colors": None, "color": None}
     fields["color" if colors.ndim == 1 else "vertex_colors" if scene.face_colors is None else "face_colors"] = colors
     return replace(scene, **fields)
-
-
-def alike(arrays: list[Colors]) -> list[Colors]:
-    """The colours as they are if all are uint8, else all as float32."""
-    return arrays if all(array.dtype == np.uint8 for array in arrays) else [as_float(array) for array in arrays]
-
-
-def as_float(colors: Colors) -> NDArray[np.float32]:
-    """The colours as float32 0..1."""
-    return np.asarray(colors / np.float32(255) if colors.dtype == np.uint8 else colors, dtype=np.float32)
-
-
-def _array(name: str, value: ArrayLike) -> NDArray[Any]:
-    """value as an array of numbers, or InputError."""
-    try:
-        return np.asarray(value)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: expected an array of numbers, got {type(value).__name__}: {error}") from None
-
-
-def _described(array: NDArray[Any]) -> str:
-    """An array's shape and type, or the text that it is, for an error message."""
-    return repr(str(array)) if array.shape == () and array.dtype.kind == "U" else f"{list(array.shape)} {array.dtype}"

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from clpeel.device.devices import Gpu
 from clpeel.device.layout import PADDING, TILE, TILE_PIXELS
 from clpeel.device.program import cut, launch, program
+from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
-from clpeel.stages.projection import Triangles
+from clpeel.stages.projection import Arguments, Triangles
 
 STAGE = "binning"
 PAIR_BYTES = 4
 """Of a record in a tile's list: its number."""
 TILE_BYTES = 4 + 8
 """Of a tile in a batch, whatever it holds: where its list begins, and how many fragments it has."""
-
-BATCH_SHARE = 4
-"""A batch's lists and tiles take at most this fraction (1 / n) of the budget; its fragments have the rest."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,7 @@ class Batch:
 class Tiles:
     """How many records meet each tile of the image, rows of tiles from the top."""
 
-    gpu: Gpu
+    gpu: Workspace
     triangles: Triangles
     columns: int
     chunk_records: int
@@ -107,7 +103,7 @@ class Tiles:
         return Batch(first_tile, last_tile, pair_start, pairs, tile_pairs)
 
 
-def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
+def bin_triangles(gpu: Workspace, triangles: Triangles, budget: int) -> Tiles:
     """Counts the records that meet each tile, chunk by chunk, within `budget` bytes.
 
     Raises InputError when one tile has more than 2**24 records, whose fragments 32 bits could not count.
@@ -142,7 +138,7 @@ def bin_triangles(gpu: Gpu, triangles: Triangles, budget: int) -> Tiles:
     return Tiles(gpu, triangles, columns, chunk_records, chunks, counts, pairs)
 
 
-def _walk(triangles: Triangles, columns: int, chunk_records: int, tile_count: int, counts: cl.Buffer) -> dict[str, Any]:
+def _walk(triangles: Triangles, columns: int, chunk_records: int, tile_count: int, counts: cl.Buffer) -> Arguments:
     """The arguments that both walks over the triangles take."""
     return {
         "triangles": triangles.records,

@@ -8,15 +8,19 @@ from typing import Any
 
 import numpy as np
 import pyopencl as cl
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from clpeel.device.devices import Gpu
+from clpeel.checks import Rgb
+from clpeel.device.workspace import Workspace
+
+Map = NDArray[Any]
+"""A map [height, width] that a technique makes, of whatever type its values have."""
 
 CACHE_LINE = 64
 """Bytes that a device's cores read and write at once, or a multiple."""
 
 
-def _aligned(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+def _aligned(shape: tuple[int, ...], dtype: DTypeLike) -> Map:
     """An array that begins on a cache line, so that a device which works in it stores whole lines."""
     nbytes = int(np.prod(shape)) * np.dtype(dtype).itemsize
     held = np.empty(nbytes + CACHE_LINE, np.uint8)
@@ -30,8 +34,8 @@ class Finished:
 
     image: NDArray[np.uint8]
     color: NDArray[np.float32] | None
-    maps: dict[str, NDArray[Any]]
-    stats: dict[str, Any]
+    maps: dict[str, Map]
+    stats: dict[str, object]
 
 
 class Picture:
@@ -41,7 +45,7 @@ class Picture:
     values: float32 [height, width, 1 or 4] that a technique finds besides, the means of a pixel's samples, or None.
     """
 
-    def __init__(self, gpu: Gpu, size: tuple[int, int], keep_color: bool, numbers: int = 0):
+    def __init__(self, gpu: Workspace, size: tuple[int, int], keep_color: bool, numbers: int = 0):
         width, height = size
         self.gpu = gpu
         self.size = size
@@ -53,6 +57,24 @@ class Picture:
         self._color = None if self.color is None else cl.Buffer(gpu.context, flags, hostbuf=self.color)
         self._values = None if self.values is None else cl.Buffer(gpu.context, flags, hostbuf=self.values)
         self._own_references = self._references()
+
+    @property
+    def found(self) -> NDArray[np.float32]:
+        """`values`, of a technique that finds some."""
+        assert self.values is not None
+        return self.values
+
+    def finished(
+        self,
+        maps: dict[str, Map] | None = None,
+        stats: dict[str, object] | None = None,
+        image: NDArray[np.uint8] | None = None,
+        color: NDArray[np.float32] | None = None,
+    ) -> Finished:
+        """What a technique makes of the picture: maps, stats, and an image in place of the one that was drawn."""
+        if image is None:
+            image, color = self.image, self.color
+        return Finished(image, color, maps or {}, stats or {})
 
     def _references(self) -> list[int]:
         arrays = [array for array in (self.image, self.color, self.values) if array is not None]
@@ -67,7 +89,7 @@ class Picture:
         """Whether nobody else holds its arrays, nor a view of them, so that it may be drawn over."""
         return self._references() == self._own_references
 
-    def begin(self, side: int, background: tuple[float, float, float] | None) -> dict[str, Any]:
+    def begin(self, side: int, background: Rgb | None) -> dict[str, cl.Buffer | float | None]:
         """The arguments of a kernel that composites tiles into it (composite.h).
 
         side: a pixel is the mean of side x side samples.
@@ -90,7 +112,7 @@ class Picture:
             "values": self._values,
         }
 
-    def finish(self) -> int:
+    def fetch(self) -> int:
         """Brings everything drawn to the host.
 
         Returns in how many pixels the alphas added up to more than one, so that their colours had to be clamped.

@@ -9,19 +9,23 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from clpeel.device.devices import Gpu
-from clpeel.device.layout import COMPLEXITY_TOTALS, IS_OPAQUE, Features
-from clpeel.device.memory import MIN_MEMORY, MOST_LISTED
+from clpeel.device.layout import IS_OPAQUE, Features
+from clpeel.device.memory import Budget
 from clpeel.device.program import Kernel, device_seconds, launch, program
+from clpeel.device.records import COUNT_TOTALS
+from clpeel.device.workspace import Workspace
 from clpeel.scene.camera import Camera
-from clpeel.stages.binning import BATCH_SHARE, PAIR_BYTES, Batch, bin_triangles
-from clpeel.stages.one_pass import draw_tiles, groups_for
-from clpeel.stages.projection import DeviceScene, Triangles, project
-from clpeel.stages.windows import walk_arguments
+from clpeel.stages.binning import PAIR_BYTES, Batch, bin_triangles
+from clpeel.stages.projection import Triangles, project
+from clpeel.stages.tiles import draw_tiles, groups_for, walk_arguments
+from clpeel.stages.upload import DeviceScene
 
 STAGE = "counting"
 
-TILE_BYTES = 4 + 4 * COMPLEXITY_TOTALS
+WIDE_TOTALS = np.dtype([(name, np.int64) for name in COUNT_TOTALS.names or ()])
+"""COUNT_TOTALS in 64 bits, so that sums of many tiles fit."""
+
+TILE_BYTES = 4 + COUNT_TOTALS.itemsize
 """Of a tile in a batch: where its list begins, and what is counted of it."""
 
 LOOKED_AT = 96
@@ -32,11 +36,11 @@ LOOKED_AT = 96
 class TileCounts:
     """What was counted of some tiles or all.
 
-    totals: int64 [n, COMPLEXITY_TOTALS] (counting.cl); records: int64 [n], how long their lists are; weights: float64
+    totals: WIDE_TOTALS [n]; records: int64 [n], how long their lists are; weights: float64
     [n], for how many of the picture's tiles each stands. pixels: of the picture. features: of the scene.
     """
 
-    totals: NDArray[np.int64]
+    totals: NDArray[np.void]
     records: NDArray[np.int64]
     weights: NDArray[np.float64]
     pixels: int
@@ -63,7 +67,7 @@ class Counted:
         return self.setup_seconds + self.walk_seconds
 
 
-def counting_kernel(gpu: Gpu, features: Features) -> Kernel:
+def counting_kernel(gpu: Workspace, features: Features) -> Kernel:
     """The kernel: neither colours nor what depths were computed from plays a part any more, which saves builds."""
     plain = replace(features, perspective=True, low_positions=False, color_rate="scene", packed_color=True)
     plain = replace(plain, headlight=False)
@@ -71,7 +75,7 @@ def counting_kernel(gpu: Gpu, features: Features) -> Kernel:
 
 
 def count_layers(
-    gpu: Gpu,
+    gpu: Workspace,
     scene: DeviceScene,
     camera: Camera,
     size: tuple[int, int],
@@ -85,19 +89,17 @@ def count_layers(
     """
     gpu.events.clear()
     triangles = project(gpu, scene, camera, size, False, opaque_first)
-    held = scene.nbytes + triangles.nbytes
-    budget = max(gpu.default_budget(held) if limit is None else limit - held, MIN_MEMORY)
-    largest = int(gpu.device.max_mem_alloc_size)
-    tiles = bin_triangles(gpu, triangles, budget // BATCH_SHARE)
+    budget = Budget.of(gpu, limit, scene.nbytes + triangles.nbytes)
+    tiles = bin_triangles(gpu, triangles, budget.lists)
     kernel = counting_kernel(gpu, triangles.features)
     width, height = size
     counts = np.empty((height, width), np.uint32)
     on_device = cl.Buffer(gpu.context, cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR, hostbuf=counts)
     done = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
     at_tile = None if report is None else lambda tile: report(float(done[tile - 1]))
-    found: list[NDArray[np.uint32]] = []
-    for batch in tiles.batches(min(budget // BATCH_SHARE, largest, MOST_LISTED), TILE_BYTES + PAIR_BYTES):
-        totals = gpu.buffer("tile_totals", 4 * COMPLEXITY_TOTALS * batch.tiles)
+    found: list[NDArray[np.void]] = []
+    for batch in tiles.batches(budget.batch, TILE_BYTES + PAIR_BYTES):
+        totals = gpu.buffer("tile_totals", COUNT_TOTALS.itemsize * batch.tiles)
         draw_tiles(
             gpu,
             STAGE,
@@ -105,19 +107,16 @@ def count_layers(
             groups_for(gpu, batch),
             batch,
             at_tile,
-            **walk_arguments(triangles, batch),
-            chosen=None,
-            layers=on_device,
-            tile_totals=totals,
+            {**walk_arguments(triangles, batch), "chosen": None, "layers": on_device, "tile_totals": totals},
         )
-        found.append(gpu.get(totals, (batch.tiles, COMPLEXITY_TOTALS), np.uint32))
+        found.append(gpu.get(totals, batch.tiles, COUNT_TOTALS))
     mapped, _ = cl.enqueue_map_buffer(
         gpu.queue, on_device, cl.map_flags.READ, 0, counts.shape, counts.dtype, is_blocking=True
     )
     mapped.base.release(gpu.queue)
     stages, _ = device_seconds(gpu)
     on_device.release()
-    totals = np.concatenate(found).astype(np.int64)
+    totals = np.concatenate(found).astype(WIDE_TOTALS)
     return Counted(
         layers=(counts & np.uint32(IS_OPAQUE - 1)).view(np.int32),
         opaque=counts >= np.uint32(IS_OPAQUE),
@@ -127,7 +126,7 @@ def count_layers(
     )
 
 
-def look_at_some(gpu: Gpu, triangles: Triangles, batch: Batch) -> TileCounts:
+def look_at_some(gpu: Workspace, triangles: Triangles, batch: Batch) -> TileCounts:
     """Counts LOOKED_AT tiles of a batch, spread evenly over its records; each stands for as many as it was passed by.
 
     A tile is taken as often as its list is long, so that what grows with lists is known best.
@@ -137,7 +136,7 @@ def look_at_some(gpu: Gpu, triangles: Triangles, batch: Batch) -> TileCounts:
     steps = (np.arange(LOOKED_AT) + 0.5) * (total / LOOKED_AT)
     chosen, times = np.unique(np.searchsorted(ends, steps, side="right"), return_counts=True)
     records = batch.tile_pairs[chosen]
-    totals = gpu.buffer("looked_at", 4 * COMPLEXITY_TOTALS * len(chosen))
+    totals = gpu.buffer("looked_at", COUNT_TOTALS.itemsize * len(chosen))
     launch(
         gpu,
         STAGE,
@@ -151,7 +150,7 @@ def look_at_some(gpu: Gpu, triangles: Triangles, batch: Batch) -> TileCounts:
         layers=None,
         tile_totals=totals,
     )
-    counted = gpu.get(totals, (len(chosen), COMPLEXITY_TOTALS), np.uint32).astype(np.int64)
+    counted = gpu.get(totals, len(chosen), COUNT_TOTALS).astype(WIDE_TOTALS)
     width, height = triangles.size
     weights = times * (total / LOOKED_AT) / records
     return TileCounts(counted, records, weights, width * height, triangles.features)

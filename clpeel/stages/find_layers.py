@@ -1,17 +1,13 @@
-"""Layers: what peeling finds in each pixel, front to back (Everitt 2001; a layered depth image, Shade et al. 1998)."""
+"""Finding layers: what peeling finds in each pixel, as arrays on the host (stages/find_layers.cl)."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.device.devices import Gpu
 from clpeel.device.layout import (
     BLOCK,
     BLOCK_PIXELS,
@@ -22,26 +18,26 @@ from clpeel.device.layout import (
     FLOAT32_REVERSED,
     FRAGMENT_BYTES,
     INSERTED_MAX,
-    MAX_SIDE,
     RGBA8,
     SOURCE_BYTES,
     TILE,
     TILE_PIXELS,
     UNORM24,
+    DepthFormat,
 )
+from clpeel.device.memory import Budget
 from clpeel.device.program import launch, program
-from clpeel.errors import InputError
-from clpeel.files import write_whole
+from clpeel.device.workspace import Workspace
+from clpeel.pictures.layers import Layers
 from clpeel.pictures.lengths import Lengths, narrowed
 from clpeel.scene.camera import Camera
-from clpeel.scene.scene import Scene, checked_background
-from clpeel.stages.binning import BATCH_SHARE, TILE_BYTES, Batch, bin_triangles
-from clpeel.stages.projection import DeviceScene, Triangles, project
+from clpeel.scene.scene import Scene
+from clpeel.stages.binning import TILE_BYTES, Batch, bin_triangles
+from clpeel.stages.projection import Triangles, project
+from clpeel.stages.upload import DeviceScene
 from clpeel.stages.windows import Fragments, rasterize
 
 STAGE = "layers"
-FORMAT = 1
-"""Of the files that `Layers.save` writes."""
 
 TILE_LAYERS_BYTES = TILE_BYTES + (4 + 4) * TILE_PIXELS + 4
 """Of a tile in a batch: as for drawing, where each pixel's list ends, its layers, and where the tile's lists begin."""
@@ -49,185 +45,24 @@ TILE_LAYERS_BYTES = TILE_BYTES + (4 + 4) * TILE_PIXELS + 4
 TURNS = ("fragments", "scratch", "colors", "sources", "pairs", "pixel_end", "kept")
 """Buffers that the picture and the layers have in turn, so that each keeps to the memory given."""
 
-_ARRAYS = {"start": (np.int64,), "color": (np.float32,), "depth": (np.float32, np.float64), "triangle": (np.int32,)}
-"""Their types, of which the first is the usual one."""
 
+@dataclass(frozen=True, kw_only=True)
+class Peeled:
+    """Which layers are peeled of a view.
 
-@dataclass(frozen=True, eq=False)
-class Layers:
-    """The layers of every pixel, front to back: a layered depth image.
-
-    size: (width, height) in pixels. start: int64 [height * width + 1]: the layers of the pixel at (row, column), row 0
-    on top, are start[p] : start[p + 1] with p = row * width + column. color: float32 [n, 4], straight RGBA 0..1, lit
-    where the picture was. depth: float32 [n], distance from the camera along its view axis in scene units (float64
-    where float32 cannot hold them). triangle: int32 [n], the face of the scene.
-
-    The order is (depth, submission). A pixel's layers end with the first opaque one, whose alpha is exactly 1, unless
-    it was rendered with opaque="blend". Raises InputError where the arrays do not fit together.
+    front, back: how many of a pixel's transparent layers, from the front and from the back. keep_coincident: of equal
+    depths all, not the first submitted alone. opaque_first: whether a pixel's layers end with the first opaque one.
+    depth_format: one of DEPTH_FORMATS (layout.py).
     """
 
+    camera: Camera
     size: tuple[int, int]
-    start: NDArray[np.int64]
-    color: NDArray[np.float32]
-    depth: Lengths
-    triangle: NDArray[np.int32]
-
-    def __post_init__(self) -> None:
-        width, height = self.size
-        if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
-            raise InputError(f"size: expected 1..{MAX_SIDE} pixels a side, got {width} x {height}")
-        self._check_shape("start", width * height + 1)
-        if self.start[0] != 0 or (self.start[1:] < self.start[:-1]).any():
-            raise InputError("start: expected numbers that rise from 0, got others")
-        n = int(self.start[-1])
-        self._check_shape("color", n, 4)
-        self._check_shape("depth", n)
-        self._check_shape("triangle", n)
-        if not np.isfinite(self.color).all():
-            raise InputError("color: expected finite numbers, got NaN or infinity")
-        if n and self.triangle.min() < 0:
-            raise InputError(f"triangle: expected faces from 0 on, got {self.triangle.min()}")
-        first = np.zeros(n + 1, bool)
-        first[self.start] = True
-        # A NaN is not less than any other, nor at least: so it does not pass, wherever it is.
-        if np.isnan(self.depth).any() or not ((self.depth[1:] >= self.depth[:-1]) | first[1:-1]).all():
-            raise InputError("depth: expected each pixel's front to back, got another order")
-
-    def _check_shape(self, name: str, *shape: int) -> None:
-        array, types = getattr(self, name), [np.dtype(dtype) for dtype in _ARRAYS[name]]
-        if array.shape != shape or array.dtype not in types:
-            raise InputError(f"{name}: expected {types[0]} {list(shape)}, got {array.dtype} {list(array.shape)}")
-
-    @cached_property
-    def count(self) -> int:
-        """The most layers that a pixel has."""
-        return int(np.diff(self.start).max())
-
-    def layer(self, k: int) -> tuple[NDArray[np.float32], Lengths, NDArray[np.int32]]:
-        """The k-th layer of all pixels, 0 the foremost: what peeling finds in its k-th pass.
-
-        Returns color float32 [height, width, 4], straight, zeros where a pixel has no such layer; depth float32
-        [height, width], infinite there; triangle int32 [height, width], -1 there. Raises InputError where none has.
-        """
-        if not 0 <= k < self.count:
-            there = f"0..{self.count - 1}" if self.count else "none, as no pixel has a layer"
-            raise InputError(f"layer: expected {there}; got {k}")
-        width, height = self.size
-        pixels = np.flatnonzero(np.diff(self.start) > k)
-        places = self.start[pixels] + k
-        color = np.zeros((height * width, 4), np.float32)
-        depth = np.full(height * width, np.inf, self.depth.dtype)
-        triangle = np.full(height * width, -1, np.int32)
-        color[pixels], depth[pixels], triangle[pixels] = self.color[places], self.depth[places], self.triangle[places]
-        return color.reshape(height, width, 4), depth.reshape(height, width), triangle.reshape(height, width)
-
-    def __len__(self) -> int:
-        """The same as `count`."""
-        return self.count
-
-    def __getitem__(self, k: int) -> tuple[NDArray[np.float32], Lengths, NDArray[np.int32]]:
-        """The same as `layer`, so that `for color, depth, triangle in layers` goes through them front to back."""
-        if not -self.count <= k < self.count:
-            raise IndexError(k)  # what ends that loop
-        return self.layer(k % self.count)
-
-    def blended(self) -> NDArray[np.float32]:
-        """The layers blended front to back: float32 [height, width, 4], premultiplied, before the background.
-
-        The same operations in float32 as the kernels' (blending.h), so that layers of which none is missing give the
-        bits of `Result.color` by `sort`.
-        """
-        rgb, through = self._blended()
-        return np.concatenate([rgb, np.float32(1) - through], axis=-1)
-
-    def _blended(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Premultiplied colour [height, width, 3], and the transmittance [height, width, 1] that is left."""
-        width, height = self.size
-        rgb = np.zeros((height * width, 3), np.float32)
-        through = np.ones((height * width, 1), np.float32)
-        count = np.diff(self.start)
-        pixels = np.flatnonzero(count)
-        for k in range(self.count):
-            pixels = pixels[count[pixels] > k]
-            source = self.color[self.start[pixels] + k]
-            alpha = source[:, 3:]
-            rgb[pixels] += through[pixels] * (alpha * source[:, :3])
-            through[pixels] *= np.float32(1) - alpha
-        return rgb.reshape(height, width, 3), through.reshape(height, width, 1)
-
-    def composite(self, background: Sequence[float] | str | None = (1, 1, 1)) -> NDArray[np.uint8]:
-        """The picture again: uint8 [height, width, 4], row 0 on top.
-
-        background: 3 numbers 0..1, or None for straight alpha. Layers of which none is missing give the bits of
-        `Result.image` by `sort` over the same. Raises InputError where the background cannot be.
-        """
-        return _shown(*self._blended(), background)
-
-    def picture(
-        self, k: int, background: Sequence[float] | str | None = (1, 1, 1), keep_alpha: bool = False
-    ) -> NDArray[np.uint8]:
-        """The k-th layer alone, opaque, as Bavoil and Myers (2008) show them in Figure 2: uint8 [height, width, 4].
-
-        background: as for `composite`. keep_alpha: with its own alpha instead. Raises InputError where there is no such
-        layer.
-        """
-        color, _, triangle = self.layer(k)
-        alpha = color[..., 3:] if keep_alpha else (triangle >= 0)[..., None].astype(np.float32)
-        return _shown(alpha * color[..., :3], np.float32(1) - alpha, background)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes them all as an .npz, whole or not at all, for `load_layers`; through a link, if path is one.
-
-        Raises InputError when the place cannot be written, or its name ends in what is not .npz.
-        """
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
-        size = np.array(self.size, np.int32)
-        write_whole(path, lambda file: np.savez(file, format=np.int32(FORMAT), size=size, **arrays), ".npz")
-
-
-def _shown(
-    rgb: NDArray[np.float32], through: NDArray[np.float32], background: Sequence[float] | str | None
-) -> NDArray[np.uint8]:
-    """Premultiplied colour [h, w, 3] and transmittance [h, w, 1] to a picture: composite.h, operation by operation."""
-    over = checked_background(background)
-    alpha = np.ones_like(through)
-    if over is not None:
-        shown = rgb + through * np.array(over, np.float32)
-    else:
-        alpha = np.maximum(np.float32(1) - through, np.float32(0))
-        shown = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
-    levels = np.concatenate([shown, alpha], axis=-1) * np.float32(255) + np.float32(0.5)
-    return np.clip(levels, np.float32(0), np.float32(255)).astype(np.uint8)
-
-
-def load_layers(path: str | os.PathLike[str]) -> Layers:
-    """The layers that `Layers.save` wrote, bit for bit.
-
-    Raises InputError where there is no such file, or it is damaged, or something else.
-    """
-    name = os.fspath(path)
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            found = {key: file[key] for key in ("format", "size", *_ARRAYS)}
-    except FileNotFoundError:
-        raise InputError(f"{name}: no such file") from None
-    except OSError as error:
-        raise InputError(f"{name}: cannot be read: {error.strerror or error}") from None
-    except Exception:  # whatever NumPy and zipfile make of bytes that are something else
-        raise InputError(f"{name}: expected layers that clpeel has saved, got another or a damaged file") from None
-    version = found.pop("format")
-    if version.shape != () or version != FORMAT:
-        raise InputError(f"{name}: expected format {FORMAT}, got {version!s:.40}; it may need a newer clpeel")
-    size = found.pop("size")
-    try:
-        if size.shape != (2,) or size.dtype.kind not in "iu":
-            raise InputError(f"size: expected 2 whole numbers, got {size.dtype} {list(size.shape)}")
-        return Layers((int(size[0]), int(size[1])), **found)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
-
-
-# --- how they are found -----------------------------------------------------------------------------------------------
+    lit: bool
+    front: int
+    back: int
+    keep_coincident: bool
+    opaque_first: bool
+    depth_format: DepthFormat
 
 
 @dataclass
@@ -242,60 +77,35 @@ class _Piece:
 
 
 def find_layers(
-    gpu: Gpu,
-    scene: DeviceScene,
-    camera: Camera,
-    size: tuple[int, int],
-    headlight: bool,
-    budget: int,
-    peeled: tuple[int, int],
-    keep_coincident: bool,
-    opaque_first: bool,
-    depth_format: str,
-    report: Callable[[float, str], None],
+    gpu: Workspace, scene: DeviceScene, peeled: Peeled, budget: Budget, report: Callable[[float, str], None]
 ) -> Layers:
-    """The layers of a view, found in windows within `budget` bytes of the device's memory.
+    """The layers of a view, found in windows within the budget.
 
-    peeled: how many of a pixel's transparent layers from the front and from the back. keep_coincident: of equal depths
-    all, not the first submitted alone. opaque_first: whether a pixel's layers end with the first opaque one.
-    depth_format: one of DEPTH_FORMATS (layout.py). Raises InputError where the budget does not hold one pixel's
+    report: called with the share done, 0..1, and a text. Raises InputError where the budget does not hold one pixel's
     fragments.
     """
     gpu.release(*TURNS)
     try:
         # Opaque faces too, all in the order of submission.
-        triangles = project(gpu, scene, camera, size, headlight, depth_format=depth_format)
+        triangles = project(gpu, scene, peeled.camera, peeled.size, peeled.lit, depth_format=peeled.depth_format)
         features = triangles.features
-        batch_budget, largest = budget // BATCH_SHARE, int(gpu.device.max_mem_alloc_size)
-        tiles = bin_triangles(gpu, triangles, batch_budget)
+        tiles = bin_triangles(gpu, triangles, budget.lists)
         each = features.fragment_bytes + FRAGMENT_BYTES + (SOURCE_BYTES if features.fragment_color else 0)
-        capacity = min(
-            (budget - batch_budget) // each,
-            largest // (COLOR_BYTES if features.fragment_color else FRAGMENT_BYTES),
-            2**31 - 1,
-        )
+        capacity = budget.capacity(each, COLOR_BYTES if features.fragment_color else FRAGMENT_BYTES)
         done_pairs = np.cumsum(tiles.tile_pairs) / max(int(tiles.tile_pairs.sum()), 1)
         pieces: list[_Piece] = []
-        for batch in tiles.batches(min(batch_budget, largest), TILE_LAYERS_BYTES):
+        for batch in tiles.batches(budget.batch, TILE_LAYERS_BYTES):
             for window in rasterize(gpu, triangles, batch, capacity, with_sources=True):
                 if window.count:
-                    pieces.append(_peel(gpu, triangles, batch, window, peeled, keep_coincident, opaque_first))
+                    pieces.append(_peel(gpu, triangles, batch, window, peeled))
                 report(float(done_pairs[batch.first_tile + window.window_tile + window.tiles - 1]), "peeling layers")
     finally:
         gpu.queue.finish()
         gpu.release(*TURNS)
-    return _joined(size, pieces)
+    return _joined(peeled.size, pieces)
 
 
-def _peel(
-    gpu: Gpu,
-    triangles: Triangles,
-    batch: Batch,
-    window: Fragments,
-    peeled: tuple[int, int],
-    keep_coincident: bool,
-    opaque_first: bool,
-) -> _Piece:
+def _peel(gpu: Workspace, triangles: Triangles, batch: Batch, window: Fragments, peeled: Peeled) -> _Piece:
     """The layers of a window, on the host."""
     kept_buffer = gpu.buffer("kept", 4 * TILE_PIXELS * window.tiles)
     deep = window.layers_max > INSERTED_MAX
@@ -317,10 +127,10 @@ def _peel(
         window_start=window.start,
         first_pixel=window.first_pixel,
         last_pixel=window.last_pixel,
-        front=peeled[0],
-        back=peeled[1],
-        keep_coincident=keep_coincident,
-        opaque_first=opaque_first,
+        front=peeled.front,
+        back=peeled.back,
+        keep_coincident=peeled.keep_coincident,
+        opaque_first=peeled.opaque_first,
         kept=kept_buffer,
     )
     shape = (window.tiles, TILE_PIXELS)

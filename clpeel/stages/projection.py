@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
-from clpeel.device.devices import Gpu
 from clpeel.device.layout import (
     CLIP_TRIANGLES,
     DEPTH_FORMATS,
     FLOAT32_REVERSED,
     OPAQUE,
     PADDING,
-    TRIANGLE,
-    VERTEX,
+    SUBPIXELS,
+    DepthFormat,
     Features,
 )
 from clpeel.device.program import cut, launch, program
-from clpeel.errors import InputError
+from clpeel.device.records import TRIANGLE, VERTEX
+from clpeel.device.workspace import Workspace
 from clpeel.scene.camera import Camera
-from clpeel.scene.scene import Positions, Scene
+from clpeel.stages.upload import DeviceScene
 
 STAGE = "projection"
 BOUNDS_BYTES = 8
@@ -33,29 +34,12 @@ LISTED_BYTES = 4
 LEAST_WINDOW_SHARE = 2.0**-40
 """As LEAST_SHARE (camera.py), of window depths: those of the scene are all equal then, in any format."""
 
-MOST_ITEMS = 2**31 // 3
-"""Vertices or faces of a scene: three numbers each, at places that are signed where they are gathered (wide.h)."""
+PLANE_SLACK = 2.0**-22
+"""How far the clipping planes reach beyond their depths, relatively (orthographic: of the range). Three roundings to
+float32 lie between a point exactly on a plane and its depth: this much keeps it inside."""
 
-
-@dataclass(frozen=True)
-class DeviceScene:
-    """A scene's arrays on the device.
-
-    positions, low_positions: float32 [n, 3] (low ones None where not needed); faces: uint32 [m, 3];
-    palette: colours as given, uint8 [k, 4] or float32 [k, 4]; normals: float32 [n, 3] or None.
-    """
-
-    scene: Scene
-    grid: Positions
-    positions: cl.Buffer
-    low_positions: cl.Buffer | None
-    faces: cl.Buffer
-    palette: cl.Buffer
-    normals: cl.Buffer | None
-    color_rate: str
-    packed_color: bool
-    surfaces: str
-    nbytes: int
+Arguments = dict[str, cl.Buffer | float | None]
+"""Arguments of a kernel, by its own names."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +77,7 @@ class Triangles:
         return replace(self.features, depth_format=DEPTH_FORMATS[FLOAT32_REVERSED])
 
     @property
-    def shading(self) -> dict[str, Any]:
+    def shading(self) -> Arguments:
         """The kernel arguments that say what colour a fragment has."""
         return {
             "faces": self.scene.faces,
@@ -113,53 +97,47 @@ class Triangles:
         return VERTEX.itemsize * len(self.scene.scene.vertices) + lists + record * self.count
 
 
-def upload(gpu: Gpu, scene: Scene, normals: bool = False) -> DeviceScene:
-    """Puts a scene on the device, with its vertex normals where they are asked for.
+@dataclass(frozen=True)
+class View:
+    """What a scene is seen from, and the kernel arguments that say so.
 
-    Raises InputError when it has more vertices or triangles than the kernels can number.
+    points: those of kernels that project vertices. size: those of kernels that know the picture's. clipping, window: as
+    of Triangles.
     """
-    most = max(len(scene.vertices), len(scene.faces))
-    if most > MOST_ITEMS:
-        raise InputError(
-            f"scene: expected at most {MOST_ITEMS:,} vertices and triangles, got {most:,}; render its parts"
-        )
-    grid = scene.positions()
-    if scene.vertex_colors is not None:
-        rate, colors = "vertex", scene.vertex_colors
-    elif scene.face_colors is not None:
-        rate, colors = "face", scene.face_colors
-    else:
-        rate, colors = "scene", np.atleast_2d(np.asarray(scene.color))
-    arrays = {"positions": grid.hi, "faces": scene.faces, "palette": colors}
-    if grid.lo is not None:
-        arrays["low_positions"] = grid.lo
-    if normals and scene.vertex_normals is not None:
-        arrays["normals"] = scene.vertex_normals
-    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    held = {name: cl.Buffer(gpu.context, flags, hostbuf=np.ascontiguousarray(array)) for name, array in arrays.items()}
-    return DeviceScene(
-        scene=scene,
-        grid=grid,
-        positions=held["positions"],
-        low_positions=held.get("low_positions"),
-        faces=held["faces"],
-        palette=held["palette"],
-        normals=held.get("normals"),
-        color_rate=rate,
-        packed_color=colors.dtype == np.uint8,
-        surfaces=scene.surfaces,
-        nbytes=sum(array.nbytes for array in arrays.values()),
-    )
+
+    points: Arguments
+    size: Arguments
+    clipping: tuple[float, float]
+    window: tuple[float, float]
+
+
+def view_of(
+    gpu: Workspace, scene: DeviceScene, camera: Camera, size: tuple[int, int], depth_format: DepthFormat
+) -> View:
+    """The camera's matrix on the device, and the depths that it begins and ends at."""
+    # Formats of window depths keep what the range given leaves of them, as far as it leaves anything.
+    reversed_depths = depth_format == DEPTH_FORMATS[FLOAT32_REVERSED]
+    host = scene.scene
+    clipping = camera.depth_range(host) if reversed_depths else camera.depth_range(host, LEAST_WINDOW_SHARE)
+    matrix, depth_near, depth_far = matrix_of(camera, scene.grid.origin, scene.grid.scale, clipping, size)
+    points = {
+        "positions": scene.positions,
+        "low_positions": scene.low_positions,
+        "matrix": gpu.put("matrix", matrix),
+        "depth_near": depth_near,
+        "depth_far": depth_far,
+    }
+    return View(points, {"width": size[0], "height": size[1]}, clipping, camera.fitted_range(host))
 
 
 def project(
-    gpu: Gpu,
+    gpu: Workspace,
     scene: DeviceScene,
     camera: Camera,
     size: tuple[int, int],
     headlight: bool,
     opaque_first: bool = False,
-    depth_format: str = DEPTH_FORMATS[FLOAT32_REVERSED],
+    depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED],
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height).
 
@@ -175,58 +153,94 @@ def project(
         headlight=headlight,
         surfaces=scene.surfaces if opaque_first else "transparent",
     )
-    kernels = program(gpu, "stages/setup.cl", features)
-    host = scene.scene
-    vertex_count, face_count = len(host.vertices), len(host.faces)
-    # Formats of window depths keep what the range given leaves of them, as far as it leaves anything.
-    reversed_depths = depth_format == DEPTH_FORMATS[FLOAT32_REVERSED]
-    clipping = camera.depth_range(host) if reversed_depths else camera.depth_range(host, LEAST_WINDOW_SHARE)
-    matrix, depth_near, depth_far = camera.projection(scene.grid.origin, scene.grid.scale, clipping, size)
-    vertices = gpu.buffer("vertices", (vertex_count + PADDING) * VERTEX.itemsize)
-    view = {"width": size[0], "height": size[1]}
-    points = {
-        "positions": scene.positions,
-        "low_positions": scene.low_positions,
-        "matrix": gpu.put("matrix", matrix),
-        "depth_near": depth_near,
-        "depth_far": depth_far,
-    }
-    wide = features.wide
+    view = view_of(gpu, scene, camera, size, depth_format)
+    vertices = _project_vertices(gpu, scene, view, features)
+    corners: Arguments = {"faces": scene.faces, "vertex_count": len(scene.scene.vertices), "vertices": vertices}
+    lists = _list_triangles(gpu, scene, view, features, corners)
+    outputs = _set_up(gpu, scene, view, features, corners, lists)
+    direction = camera.axes()[2]
+    return Triangles(
+        scene=scene,
+        features=replace(features, depth_format=depth_format),  # fragments' alone
+        size=size,
+        view=(float(direction[0]), float(direction[1]), float(direction[2])),
+        clipping=view.clipping,
+        window=view.window,
+        depth_scale=1.0 if camera.orthographic else 1 / (1 - view.clipping[0] / view.clipping[1]),
+        faces=len(scene.scene.faces),
+        listed=lists.listed_count,
+        clipped=lists.clipped_count,
+        discarded=lists.discarded,
+        records=outputs["triangles"],
+        bounds=outputs["bounds"],
+        weights=outputs["weights"],
+    )
+
+
+def _project_vertices(gpu: Workspace, scene: DeviceScene, view: View, features: Features) -> cl.Buffer:
+    count = len(scene.scene.vertices)
+    vertices = gpu.buffer("vertices", (count + PADDING) * VERTEX.itemsize)
     launch(
         gpu,
         STAGE,
-        kernels["project_vertices"],
-        -(-vertex_count // wide),
-        vertex_count=vertex_count,
+        program(gpu, "stages/setup.cl", features)["project_vertices"],
+        -(-count // features.wide),
+        None,
+        vertex_count=count,
         vertices=vertices,
-        **points,
+        **view.points,
     )
+    return vertices
+
+
+@dataclass(frozen=True)
+class _Lists:
+    """Faces by what they need.
+
+    listed, clipped: uint32, those that need a record, and those that need clipping besides. opaque_count: of the listed
+    ones, the opaque ones, which come first. discarded: faces that are not finite.
+    """
+
+    listed: cl.Buffer
+    clipped: cl.Buffer
+    listed_count: int
+    clipped_count: int
+    opaque_count: int
+    discarded: int
+
+    @property
+    def arguments(self) -> Arguments:
+        """Of the kernels that make records."""
+        return {"listed": self.listed, "listed_count": self.listed_count, "opaque_count": self.opaque_count}
+
+
+def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Features, corners: Arguments) -> _Lists:
+    """Culls the faces, and lists those that may cover a sample, opaque ones first."""
+    kernels = program(gpu, "stages/setup.cl", features)
+    face_count = len(scene.scene.faces)
     states = gpu.buffer("states", face_count + PADDING)
-    corners = {"faces": scene.faces, "vertex_count": vertex_count, "vertices": vertices}
     launch(
         gpu,
         STAGE,
         kernels["cull_triangles"],
-        -(-face_count // wide),
+        -(-face_count // features.wide),
+        None,
         face_count=face_count,
         palette=scene.palette,
         states=states,
         **corners,
-        **view,
+        **view.size,
     )
     chunk_faces, chunks = cut(gpu, face_count)
     sifted = {"states": states, "face_count": face_count, "chunk_faces": chunk_faces}
     chunk_counts = gpu.buffer("chunk_counts", 20 * chunks)
     launch(gpu, STAGE, kernels["count_states"], chunks, 1, **sifted, chunk_counts=chunk_counts)
     counts = gpu.get(chunk_counts, (chunks, 5), np.uint32)
-    discarded = int(counts[:, 4].sum())
     # [opaque or transparent, chunk, listed or clipped]: all that is opaque comes first.
     kinds = counts[:, :4].reshape(chunks, 2, 2).swapaxes(0, 1)
     ends = np.cumsum(kinds.reshape(-1, 2), axis=0, dtype=np.uint32).reshape(kinds.shape)
     starts = ends - kinds
-    opaque_count = int(ends[0, -1, 0])
     listed_count, clipped_count = (int(total) for total in ends[1, -1])
-    count = listed_count + CLIP_TRIANGLES * clipped_count
     listed = gpu.buffer("listed", LISTED_BYTES * listed_count)
     clipped = gpu.buffer("clipped", LISTED_BYTES * clipped_count)
     for kind, chunk_starts in ((OPAQUE, starts[0]), (0, starts[1])):
@@ -243,41 +257,79 @@ def project(
                 listed=listed,
                 clipped=clipped,
             )
+    return _Lists(listed, clipped, listed_count, clipped_count, int(ends[0, -1, 0]), int(counts[:, 4].sum()))
+
+
+def _set_up(
+    gpu: Workspace, scene: DeviceScene, view: View, features: Features, corners: Arguments, lists: _Lists
+) -> dict[str, cl.Buffer]:
+    """The records of the listed faces, and of the pieces of clipped ones."""
+    count = lists.listed_count + CLIP_TRIANGLES * lists.clipped_count
     outputs = {
         "triangles": gpu.buffer("triangles", (count + PADDING) * TRIANGLE.itemsize),
         "bounds": gpu.buffer("bounds", (count + PADDING) * BOUNDS_BYTES),
         "weights": gpu.buffer("weights", (count + PADDING) * WEIGHTS_BYTES) if features.fragment_color else None,
     }
-    lists = {"listed": listed, "listed_count": listed_count, "opaque_count": opaque_count}
-    launch(gpu, STAGE, kernels["setup_triangles"], -(-listed_count // wide), **corners, **lists, **view, **outputs)
-    if clipped_count:
+    launch(
+        gpu,
+        STAGE,
+        program(gpu, "stages/setup.cl", features)["setup_triangles"],
+        -(-lists.listed_count // features.wide),
+        None,
+        **corners,
+        **lists.arguments,
+        **view.size,
+        **outputs,
+    )
+    if lists.clipped_count:
         launch(
             gpu,
             STAGE,
             program(gpu, "stages/clipping.cl", features)["clip_triangles"],
-            clipped_count,
-            clipped=clipped,
-            clipped_count=clipped_count,
+            lists.clipped_count,
+            None,
+            clipped=lists.clipped,
+            clipped_count=lists.clipped_count,
             faces=scene.faces,
-            **lists,
-            **points,
-            **view,
+            **lists.arguments,
+            **view.points,
+            **view.size,
             **outputs,
         )
-    direction = camera.axes()[2]
-    return Triangles(
-        scene=scene,
-        features=replace(features, depth_format=depth_format),  # fragments' alone
-        size=size,
-        view=(float(direction[0]), float(direction[1]), float(direction[2])),
-        clipping=clipping,
-        window=camera.fitted_range(host),
-        depth_scale=1.0 if camera.orthographic else 1 / (1 - clipping[0] / clipping[1]),
-        faces=face_count,
-        listed=listed_count,
-        clipped=clipped_count,
-        discarded=discarded,
-        records=outputs["triangles"],
-        bounds=outputs["bounds"],
-        weights=outputs["weights"],
-    )
+    return outputs
+
+
+def matrix_of(
+    camera: Camera,
+    scene_origin: NDArray[np.float64],
+    scale: float,
+    clipping: tuple[float, float],
+    size: tuple[int, int],
+) -> tuple[NDArray[np.float32], float, float]:
+    """The kernels' matrix for positions (v - scene_origin) * scale, and the depths of the near and far planes.
+
+    Returns float32 [4, 2, 4]: rows x, y, z, w of clip space (projection.cl), each as high and low parts; x and y
+    are in subpixels times w from the image's centre, y down; z / w is the reversed depth, 1 at the near plane.
+    """
+    _, height = size
+    near, far = (value * scale for value in clipping)
+    eye = (np.asarray(camera.position, np.float64) - scene_origin) * scale
+    right, up, forward = camera.axes()
+    half = math.tan(math.radians(camera.view_angle) / 2)
+
+    def row(vector: NDArray[np.float64], factor: float = 1.0, offset: float = 0.0) -> list[float]:
+        return [*(vector * factor), offset - float(np.dot(vector, eye)) * factor]
+
+    if camera.orthographic:
+        per_unit = SUBPIXELS * height / 2 / (half * camera.distance * scale)
+        depth = row(forward, -1 / (far - near), far / (far - near))
+        matrix = [row(right, per_unit), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
+        depth_far = -PLANE_SLACK
+    else:
+        per_unit = SUBPIXELS * height / 2 / half
+        matrix = [row(right, per_unit), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
+        depth_far = near / far * (1 - PLANE_SLACK)
+    exact = np.array(matrix, np.float64)
+    high = exact.astype(np.float32)
+    low = (exact - high).astype(np.float32)
+    return np.stack([high, low], axis=1), 1 + PLANE_SLACK, float(np.float32(depth_far))

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from clpeel.device.devices import Gpu
-from clpeel.device.layout import COLOR_BYTES, FRAGMENT_BYTES, SOURCE_BYTES, TILE, TILE_PIXELS, Features
+from clpeel.device.layout import COLOR_BYTES, FRAGMENT_BYTES, SOURCE_BYTES, TILE_PIXELS, Features
 from clpeel.device.program import launch, program
-from clpeel.errors import InputError
+from clpeel.device.records import WINDOW_TOTALS
+from clpeel.device.workspace import Workspace
 from clpeel.stages.binning import Batch
 from clpeel.stages.projection import Triangles
+from clpeel.stages.tiles import too_deep, walk_arguments
 
 STAGE = "rasterization"
 
@@ -70,41 +70,19 @@ class _Window:
     start: int
 
 
-def walk_arguments(triangles: Triangles, batch: Batch) -> dict[str, Any]:
-    """The kernel arguments of a walk over a batch's records (raster.h)."""
-    width, height = triangles.size
-    return {
-        "triangles": triangles.records,
-        "pair_start": batch.pair_start,
-        "pairs": batch.pairs,
-        "first_tile": batch.first_tile,
-        "columns": -(-width // TILE),
-        "width": width,
-        "height": height,
-        "depth_scale": triangles.depth_scale,
-    }
-
-
-def count_fragments(gpu: Gpu, triangles: Triangles, batch: Batch) -> Counts:
+def count_fragments(gpu: Workspace, triangles: Triangles, batch: Batch) -> Counts:
     """Counts the batch's fragments, pixel by pixel."""
     pixel_end = gpu.buffer("pixel_end", 4 * TILE_PIXELS * batch.tiles)
-    tile_totals = gpu.buffer("tile_totals", 8 * batch.tiles)
+    tile_totals = gpu.buffer("tile_totals", WINDOW_TOTALS.itemsize * batch.tiles)
     kernel = program(gpu, "stages/windows.cl", triangles.features)["count_fragments"]
     outputs = {"pixel_end": pixel_end, "tile_totals": tile_totals}
     launch(gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk_arguments(triangles, batch), **outputs)
-    totals = gpu.get(tile_totals, (batch.tiles, 2), np.uint32).astype(np.int64)
-    return Counts(totals[:, 0], totals[:, 1], pixel_end)
-
-
-def too_deep(layers: int, capacity: int) -> InputError:
-    """What to say where the memory does not hold one pixel's fragments."""
-    return InputError(
-        f"memory: expected room for the {layers:,} fragments of one pixel, got room for {capacity:,}; raise --memory"
-    )
+    totals = gpu.get(tile_totals, batch.tiles, WINDOW_TOTALS)
+    return Counts(totals["fragments"].astype(np.int64), totals["layers"].astype(np.int64), pixel_end)
 
 
 def rasterize(
-    gpu: Gpu, triangles: Triangles, batch: Batch, capacity: int, with_sources: bool = False
+    gpu: Workspace, triangles: Triangles, batch: Batch, capacity: int, with_sources: bool = False
 ) -> Iterator[Fragments]:
     """The batch's fragments in the device's memory, at most `capacity` at a time: for techniques of several passes.
 

@@ -1,4 +1,4 @@
-"""Comparing: every technique on one view, beside what blending the same fragments in float64 gives."""
+"""A comparison: every technique on one view, beside what blending the same fragments in float64 gives."""
 
 from __future__ import annotations
 
@@ -7,29 +7,15 @@ import io
 import json
 import math
 import statistics
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from itertools import product
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.errors import InputError
-from clpeel.rendering.renderer import Progress, Renderer, check_picture_fits, checked_size
-from clpeel.scene.camera import Camera
-from clpeel.scene.scene import Scene, checked_background
-from clpeel.stages.find_layers import Layers
-from clpeel.stages.many_passes import MAX_PASSES, checked_count
-from clpeel.techniques import LAYERS, TECHNIQUES, technique
-from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, blending_bound
-
-STEP = 1 / 255
-"""Between two neighbours of 8 bits."""
-
-MOST_FRAMES = 10_000
-HOST_BYTES = 8 * 4 * 3
-"""A pixel's, about: the truth and what it is made of, float64."""
+from clpeel.study.tables import COLUMNS, aligned
+from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
 
 FLIP_HINT = "FLIP: not measured; pip install 'flip-evaluator>=1.6'"
 
@@ -56,9 +42,6 @@ FIGURES = (
     "clamped_pixels",
 )
 """Of a row, as files have them: fields and properties of `Row`."""
-
-
-# --- what is found ----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,309 +227,13 @@ class Interrupted(KeyboardInterrupt):
         self.comparison = comparison
 
 
-# --- how it is shown --------------------------------------------------------------------------------------------------
-
-
 def named(technique: str, precision: str | None, budget: int | None) -> str:
     """`Row.name`: float32 goes without saying."""
     told = ["" if precision in (None, DEFAULT_PRECISION) else precision, "" if budget is None else f"passes {budget}"]
     return ", ".join([technique, *filter(None, told)])
 
 
-def milliseconds(seconds: float) -> str:
-    """Three digits or more."""
-    value = 1000 * seconds
-    return f"{value:.2f}" if value < 10 else f"{value:.1f}" if value < 100 else f"{value:.0f}"
-
-
-def share(value: float) -> str:
-    """Of 1, in percent."""
-    return "0" if value == 0 else "<.01%" if value < 5e-5 else f"{value:.2%}" if value < 0.0995 else f"{value:.1%}"
-
-
-def error_text(value: float) -> str:
-    """Two digits."""
-    return "0" if value == 0 else f"{value:.1e}"
-
-
-COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
-    ("ms", lambda row: milliseconds(row.seconds_median)),
-    ("spread", lambda row: f"{milliseconds(row.seconds_least)}-{milliseconds(row.seconds_greatest)}"),
-    ("passes", lambda row: f"{row.passes}"),
-    ("B/px", lambda row: f"{row.bytes_per_pixel:.0f}"),
-    ("MiB", lambda row: f"{row.memory_bytes / 2**20:.{1 if row.memory_bytes < 100 * 2**20 else 0}f}"),
-    ("max error", lambda row: error_text(row.max_error)),
-    ("RMS", lambda row: error_text(row.rms_error)),
-    ("PSNR", lambda row: f"{row.psnr:.1f}"),
-    (">1/255", lambda row: share(row.share_above_1)),
-    (">8/255", lambda row: share(row.share_above_8)),
-    ("FLIP", lambda row: "-" if row.flip is None else error_text(row.flip) if row.flip < 5e-5 else f"{row.flip:.4f}"),
-)
-"""Headings and cells of the tables, after the row's name."""
-
-
-def aligned(cells: Sequence[Sequence[str]]) -> list[str]:
-    """Rows of cells, the first to the left, the others to the right, a space apart: wide names and all fit 120."""
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return [
-        " ".join([f"{row[0]:<{widths[0]}}", *(f"{text:>{n}}" for text, n in zip(row[1:], widths[1:], strict=True))])
-        for row in cells
-    ]
-
-
-# --- how it is measured -----------------------------------------------------------------------------------------------
-
-
-def true_colors(layers: Layers) -> NDArray[np.float64]:
-    """The layers, back to front, each over what is behind it: float64 [height, width, 4], premultiplied."""
-    width, height = layers.size
-    color = np.zeros((height * width, 4))
-    count = np.diff(layers.start)
-    for k in reversed(range(layers.count)):
-        pixels = np.flatnonzero(count > k)
-        source = layers.color[layers.start[pixels] + k].astype(np.float64)
-        alpha = source[:, 3:]
-        source[:, :3] *= alpha
-        color[pixels] = source + (1 - alpha) * color[pixels]
-    return color.reshape(height, width, 4)
-
-
 def shown(color: NDArray[np.floating], background: Sequence[float]) -> NDArray[np.float64]:
     """Premultiplied RGBA [height, width, 4] over the background as a picture shows it: float64 [height, width, 3]."""
     color = color.astype(np.float64)
     return np.clip(color[..., :3] + (1 - color[..., 3:]) * np.asarray(background, np.float64), 0, 1)
-
-
-def flip_error(truth: NDArray[np.uint8], image: NDArray[np.uint8]) -> float | None:
-    """The mean of FLIP between two pictures [height, width, 4] in sRGB, or None without flip-evaluator."""
-    try:
-        from flip_evaluator import evaluate
-    except ImportError:
-        return None
-    if (truth == image).all():
-        return 0.0
-    reference, test = (
-        np.ascontiguousarray(picture[..., :3], np.float32) / np.float32(255) for picture in (truth, image)
-    )
-    return float(evaluate(reference, test, "LDR", applyMagma=False)[1])
-
-
-@dataclass
-class _Trial:
-    """A row in the making: found is what its picture told, once there is one; seconds those of its frames."""
-
-    technique: str
-    options: dict[str, Any]
-    found: dict[str, Any] = field(default_factory=dict)
-    seconds: list[float] = field(default_factory=list)
-
-    def row(self) -> Row:
-        return Row(
-            technique=self.technique,
-            precision=self.options.get("precision"),
-            budget=self.options.get("passes"),
-            exact=TECHNIQUES[self.technique].exact,
-            seconds=tuple(self.seconds),
-            **self.found,
-        )
-
-    @property
-    def name(self) -> str:
-        return named(self.technique, self.options.get("precision"), self.options.get("passes"))
-
-
-def _chosen(name: str, values: Iterable[Any] | None, known: Sequence[Any]) -> list[Any]:
-    """Those of the known that are among the values, in their own order; all for None. Raises InputError."""
-    if isinstance(values, str):
-        values = [values]
-    asked = list(known) if values is None else list(values)
-    for value in asked:
-        if value not in known:
-            raise InputError(f"{name}: expected some of {', '.join(known)}; got {value!r}")
-    if not asked:
-        raise InputError(f"{name}: expected at least one of {', '.join(known)}; got none")
-    return [value for value in known if value in asked]
-
-
-def check_choice(
-    techniques: Iterable[str] | None, precisions: Iterable[str] | None
-) -> tuple[list[str], list[str] | None]:
-    """Those that `compare` takes of each, in the registry's order. Raises InputError where there is no such.
-
-    Of precisions None where none are asked for: each technique's own then, float32 and its paper's.
-    """
-    comparable = [name for name, made in TECHNIQUES.items() if not made.maps]
-    names = _chosen("techniques", techniques, comparable)
-    return names, None if precisions is None else _chosen("precisions", precisions, list(PRECISIONS))
-
-
-def _trials(names: Iterable[str], precisions: Sequence[str] | None, budgets: Sequence[int]) -> list[_Trial]:
-    """Techniques x precisions x budgets, each where the technique has that option."""
-    trials = []
-    for name in names:
-        chosen = technique(name)
-        has = chosen.options
-        own = precisions or list(dict.fromkeys((DEFAULT_PRECISION, chosen.paper_precision)))
-        for precision, budget in product(
-            own if "precision" in has else [None], [None, *budgets] if "passes" in has else [None]
-        ):
-            options = {"precision": precision, "passes": budget}
-            trials.append(_Trial(name, {key: value for key, value in options.items() if value is not None}))
-    return trials
-
-
-def compare(
-    scene: Scene,
-    camera: Camera | None = None,
-    size: tuple[int, int] = (1024, 1024),
-    techniques: Iterable[str] | None = None,
-    precisions: Iterable[str] | None = None,
-    budgets: Iterable[int] = (),
-    frames: int = 5,
-    *,
-    background: Sequence[float] | str = (1, 1, 1),
-    lighting: str = "none",
-    opaque: str = "first",
-    memory: int | str | None = None,
-    device: int | str | None = None,
-    lanes: int | None = None,
-    pictures: bool = False,
-    progress: Progress | None = None,
-) -> Comparison:
-    """Draws the view by every technique and compares the pictures with the truth, and the times with each other.
-
-    techniques: names in `clpeel.techniques.TECHNIQUES` of those that make this picture, not a map; all by default.
-    precisions: of the colour buffers; by default float32 and that of the technique's paper. budgets: numbers of
-    `passes` to stop after, of those that have the option, besides not stopping them. frames: how many are timed of each
-    row, after one that is not; rows take turns, so that a machine that slows down slows all. pictures: whether rows
-    keep `image` and `error`, which `to_html` shows. The others are as of `render`; there is one sample a pixel, and two
-    renderers, each of which keeps to `memory`. Raises InputError on any of these that cannot be, and Interrupted, a
-    KeyboardInterrupt with the rows that are finished, on Ctrl-C.
-    """
-    names, chosen_precisions = check_choice(techniques, precisions)
-    budgets = sorted({checked_count("budgets", budget, MAX_PASSES) for budget in budgets})
-    frames = checked_count("frames", frames, MOST_FRAMES)
-    size = checked_size(size)
-    over = checked_background(background)
-    if over is None:
-        raise InputError("background: expected 3 numbers 0..1, as errors are of the picture over it; got None")
-    check_picture_fits(size, HOST_BYTES)
-    trials = _trials(names, chosen_precisions, budgets)
-
-    # One judges the pictures and gives its memory back before each, so that it tells what each technique takes; with
-    # the other, nothing is allocated in a frame that is timed.
-    judge, clock = Renderer(scene, device, lanes), Renderer(scene, device, lanes)
-    if camera is None:
-        camera = Camera.frame(scene, aspect=size[0] / size[1])
-    view: dict[str, Any] = {
-        "camera": camera,
-        "size": size,
-        "background": over,
-        "lighting": lighting,
-        "opaque": opaque,
-        "memory": memory,
-    }
-    report = progress or (lambda done, text: None)
-    steps = 1 + len(trials) * (2 + frames)
-    done = 0
-
-    def picture(text: str, **options: Any) -> Any:
-        within = None if progress is None else lambda part, _: report((done + part) / steps, text)
-        judge.gpu.release(*list(judge.gpu.buffers))
-        return judge.render(**view, **options, progress=within)
-
-    exact = next(name for name, made in TECHNIQUES.items() if made.exact and LAYERS in made.options)
-    result = picture("blending in float64", technique=exact, layers=True)
-    truth = true_colors(result.layers)
-    comparison = Comparison(
-        rows=[],
-        truth=truth,
-        background=over,
-        lighting=lighting,
-        opaque=opaque,
-        triangles=result.stats["triangles"],
-        fragments=int(len(result.layers.depth)),
-        layers_max=result.layers.count,
-        device=result.stats["device"],
-        lanes=result.stats["lanes"],
-    )
-    notes = [note for note in result.stats["notes"] if note not in scene.notes]
-    del result
-    done = 1
-    right, right_image = shown(truth, over), comparison.truth_image()
-    left_out = [name for name, made in TECHNIQUES.items() if made.maps and techniques is None]
-    if left_out:
-        notes.append(f"left out, as they make maps and not this picture: {', '.join(left_out)}")
-
-    def measure(trial: _Trial, number: int) -> None:
-        nonlocal done
-        report(done / steps, f"{trial.name}: frame {number} of {frames}")
-        drawn = clock.render(**view, technique=trial.technique, keep_color=False, **trial.options)
-        if number:
-            trial.seconds.append(drawn.stats["seconds"]["total"])
-        done += 1
-
-    try:
-        for trial in trials:
-            try:
-                result = picture(f"{trial.name}: its error", technique=trial.technique, **trial.options)
-            except InputError as error:
-                # A technique may have a limit of its own, which says so.
-                if "passes" not in trial.options or not str(error).startswith("passes:"):
-                    raise
-                notes.append(f"left out: {trial.name}: {error}")
-                done += 2 + frames
-                continue
-            trial.found = judged(result, right, right_image, over, pictures)
-            del result
-            done += 1
-            measure(trial, 0)
-            measure(trial, 1)
-        for number in range(2, frames + 1):
-            for trial in trials:
-                if trial.found:
-                    measure(trial, number)
-        report(1.0, "done")
-    except KeyboardInterrupt:
-        finished = _with_rows(comparison, trials, [*notes, "interrupted"])
-        if not finished.rows:
-            raise
-        raise Interrupted(finished) from None
-    return _with_rows(comparison, trials, notes)
-
-
-def _with_rows(comparison: Comparison, trials: Iterable[_Trial], notes: Iterable[str]) -> Comparison:
-    from dataclasses import replace
-
-    return replace(comparison, rows=[trial.row() for trial in trials if trial.seconds], notes=tuple(notes))
-
-
-def judged(
-    result: Any,
-    right: NDArray[np.float64],
-    right_image: NDArray[np.uint8],
-    background: tuple[float, float, float],
-    pictures: bool,
-) -> dict[str, Any]:
-    """Of a result, the figures of `Row` that one picture tells; right, right_image: the truth as it is shown."""
-    stats = result.stats
-    error = np.abs(shown(result.color, background) - right)
-    error[np.isnan(error)] = 1
-    mean_square = float(np.mean(error * error))
-    worst = error.max(axis=-1)
-    return {
-        "passes": int(stats["passes"]),
-        "bytes_per_pixel": stats["buffer_bytes_per_pixel"],
-        "memory_bytes": int(sum(stats["bytes"].values())),
-        "max_error": float(worst.max()),
-        "rms_error": math.sqrt(mean_square),
-        "psnr": -10 * math.log10(mean_square) if mean_square > 0 else math.inf,
-        "share_above_1": float(np.mean(worst > STEP)),
-        "share_above_8": float(np.mean(worst > 8 * STEP)),
-        "flip": flip_error(right_image, result.image),
-        "truncated_pixels": int(stats["truncated_pixels"]),
-        "truncation_bound": float(stats["truncation_bound"]),
-        "clamped_pixels": int(stats["clamped_pixels"]),
-        "image": result.image.copy() if pictures else None,
-        "error": worst.astype(np.float32) if pictures else None,
-    }

@@ -12,21 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clpeel.checks import checked_background
 from clpeel.device.layout import ALL_LAYERS
-from clpeel.device.memory import parse_memory
 from clpeel.errors import InputError
 from clpeel.pictures.colormap import colors_at
 from clpeel.pictures.png import save_png
 from clpeel.pictures.scale_bar import draw_scale_bar
 from clpeel.rendering.estimates import estimated_seconds
-from clpeel.rendering.renderer import LIGHTINGS, Progress, Renderer, check_picture_fits, checked_size
-from clpeel.rendering.renderer import OPAQUE as OPAQUE_CHOICES
+from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
+from clpeel.rendering.renderer import Renderer
+from clpeel.rendering.request import Progress, check_picture_fits
 from clpeel.scene.camera import Camera
-from clpeel.scene.scene import Scene, checked_background
+from clpeel.scene.scene import Scene
 from clpeel.stages.counting import Counted, count_layers
-from clpeel.stages.opaque import opaque_bytes
-from clpeel.stages.projection import upload
-from clpeel.techniques import TECHNIQUES, Technique
+from clpeel.stages.upload import upload
+from clpeel.techniques import TECHNIQUES, AnyTechnique
+from clpeel.techniques.technique import opaque_bytes
 
 PIXEL_BYTES = 4 + 4 + 4 + 1
 """Of the host's memory: the counts as they come, the two maps, and a heat map."""
@@ -179,10 +180,10 @@ class Complexity:
 def complexity(
     scene: Scene,
     camera: Camera | None = None,
-    size: tuple[int, int] = (1024, 1024),
-    lighting: str = "none",
+    size: Size = (1024, 1024),
+    lighting: Lighting = "none",
     *,
-    opaque: str = "first",
+    opaque: Opaque = "first",
     memory: int | str | None = None,
     device: int | str | None = None,
     lanes: int | None = None,
@@ -196,55 +197,62 @@ def complexity(
     Raises InputError on any of these that cannot be.
     """
     renderer = Renderer(scene, device, lanes)
-    size = checked_size(size)
-    if lighting not in LIGHTINGS:
-        raise InputError(f"lighting: expected one of {', '.join(LIGHTINGS)}; got {lighting!r}")
-    if opaque not in OPAQUE_CHOICES:
-        raise InputError(f"opaque: expected one of {', '.join(OPAQUE_CHOICES)}; got {opaque!r}")
-    check_picture_fits(size, PIXEL_BYTES)
-    limit = None if memory is None else parse_memory(memory)
+    picture = PictureOptions(size=size, lighting=lighting, opaque=opaque, memory=memory)
+    check_picture_fits(picture.size, PIXEL_BYTES)
     if camera is None:
-        camera = Camera.frame(scene, aspect=size[0] / size[1])
+        camera = Camera.frame(scene, aspect=picture.size[0] / picture.size[1])
     report = progress or (lambda done, text: None)
     report(0.0, "uploading")
     with renderer.working():
-        on_device = upload(renderer.gpu, scene)
-        told = None if progress is None else lambda done: report(done, "counting")
-        counted = count_layers(renderer.gpu, on_device, camera, size, opaque == "first", limit, told)
-        if counted.seconds < SOON:
-            again = count_layers(renderer.gpu, on_device, camera, size, opaque == "first", limit, told)
-            counted = replace(
-                counted,
-                setup_seconds=min(counted.setup_seconds, again.setup_seconds),
-                walk_seconds=min(counted.walk_seconds, again.walk_seconds),
-            )
+        counted = _counted(renderer, camera, picture, progress)
     report(1.0, "done")
-    shaded = replace(counted.tiles.features, headlight=lighting != "none").fragment_color
-    needs = tuple(need_of(name, counted, shaded) for name in TECHNIQUES)
+    shaded = replace(counted.tiles.features, headlight=picture.lighting != "none").fragment_color
+    needs = tuple(need_of(technique, counted, shaded) for technique in TECHNIQUES.values())
     return Complexity(counted.layers, counted.opaque, needs, len(scene.faces), counted.seconds)
 
 
-def left_out_by(technique: Technique, counted: Counted) -> int | None:
+def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progress: Progress | None) -> Counted:
+    """The layers of the view, with the least times of two counts where one is done SOON."""
+    on_device = upload(renderer.gpu, renderer.scene)
+    told = None if progress is None else lambda done: progress(done, "counting")
+
+    def count() -> Counted:
+        opaque_first = picture.opaque == "first"
+        return count_layers(renderer.gpu, on_device, camera, picture.size, opaque_first, picture.memory_limit, told)
+
+    counted = count()
+    if counted.seconds >= SOON:
+        return counted
+    again = count()
+    return replace(
+        counted,
+        setup_seconds=min(counted.setup_seconds, again.setup_seconds),
+        walk_seconds=min(counted.walk_seconds, again.walk_seconds),
+    )
+
+
+def left_out_by(technique: AnyTechnique, counted: Counted) -> int | None:
     """Fragments behind all that it peels of their pixel; None where it does not tell layers apart."""
-    if technique.peeled is None:
+    depth = technique.peeled(technique.options())
+    if depth is None:
         return None
-    peeled = sum(technique.peeled())
+    peeled = sum(depth)
     return int(np.maximum(counted.layers - peeled, 0).sum(dtype=np.int64)) if peeled < ALL_LAYERS else 0
 
 
-def need_of(name: str, counted: Counted, shaded: bool) -> Need:
-    """What the technique of that name would need."""
-    technique = TECHNIQUES[name]
+def need_of(technique: AnyTechnique, counted: Counted, shaded: bool) -> Need:
+    """What the technique would need, with its own options left as they are."""
+    options = technique.options()
     surfaces = counted.tiles.features.surfaces
-    # Maps are of all surfaces, whatever their alphas; all others have nothing left to do where all is opaque.
-    deepest = int(counted.tiles.totals[:, 4 if technique.maps else 1].max())
-    nothing = surfaces == "opaque" and not technique.maps
-    kept = technique.buffer_bytes(deepest, {})
+    # Some measure all surfaces, whatever their alphas; all others have nothing left to do where all is opaque.
+    deepest = int(counted.tiles.totals["all_layers" if technique.all_surfaces else "layers"].max())
+    nothing = surfaces == "opaque" and not technique.all_surfaces
+    first = opaque_bytes(options) if surfaces == "mixed" and not technique.all_surfaces else 0
     return Need(
-        technique=name,
-        passes=0 if nothing else technique.passes_for(deepest, {}),
-        bytes_per_pixel=kept + (opaque_bytes({}) if surfaces == "mixed" and not technique.maps else 0),
+        technique=technique.name,
+        passes=0 if nothing else technique.passes_for(deepest, options),
+        bytes_per_pixel=technique.buffer_bytes(deepest, options) + first,
         exact=technique.exact,
         left_out=left_out_by(technique, counted),
-        seconds=estimated_seconds(name, technique, counted, shaded, {}),
+        seconds=estimated_seconds(technique, counted, shaded, options),
     )

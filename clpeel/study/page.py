@@ -1,4 +1,7 @@
-"""A comparison as one page of HTML that needs nothing else: plot, table, pictures and maps of their errors."""
+"""A comparison as one page of HTML that needs nothing else: plot, table, pictures and maps of their errors.
+
+Jinja2 fills the page in (templates/comparison.html). The plot and the scale are SVG, written here.
+"""
 
 from __future__ import annotations
 
@@ -7,106 +10,63 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.errors import InputError
 from clpeel.pictures.colormap import colors_at
-from clpeel.pictures.png import encode_png
-from clpeel.study.comparison import COLUMNS, STEP, Comparison, Row, error_text, milliseconds
+from clpeel.pictures.png import STEP, encode_png
+from clpeel.study.tables import COLUMNS, error_text, milliseconds
+
+if TYPE_CHECKING:
+    from clpeel.study.comparison import Comparison, Row
 
 LEAST_STEP, MOST_STEP = 0.25, 255.0
 """Steps of 8 bits that the first and the last colour of an error stand for; what is less cannot be seen: black."""
 
-STYLE = """
-:root { color-scheme: light dark; --paper: #fff; --ink: #1c1e21; --soft: #5f6670; --line: #d9dde2; --tint: #f4f6f8;
-  --front: #0b62c4; --other: #8a929c; }
-@media (prefers-color-scheme: dark) { :root { --paper: #14171b; --ink: #e7eaee; --soft: #9aa3ad; --line: #343a42;
-  --tint: #1d2127; --front: #6db3ff; --other: #737c87; } }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 76rem; padding: 1.5rem 1rem 4rem; background: var(--paper); color: var(--ink);
-  font: 1rem/1.5 system-ui, sans-serif; }
-h1 { font-size: 1.6rem; line-height: 1.2; margin: 0 0 .25rem; overflow-wrap: anywhere; }
-h2 { font-size: 1.2rem; margin: 2.5rem 0 .5rem; }
-p { margin: .5rem 0; max-width: 50rem; }
-.soft { color: var(--soft); }
-.wide { overflow-x: auto; }
-.plot { display: block; width: 100%; min-width: 40rem; height: auto; font: 13px system-ui, sans-serif; }
-.plot text { fill: var(--soft); paint-order: stroke; stroke: var(--paper); stroke-width: 4px; }
-.plot .grid { stroke: var(--line); }
-.plot .leader { stroke: var(--soft); opacity: .5; }
-.plot .step { stroke: var(--front); fill: none; stroke-width: 2; opacity: .55; }
-.plot .eye { stroke: var(--soft); stroke-dasharray: 4 4; }
-.plot circle { fill: var(--other); stroke: var(--paper); stroke-width: 1.5; }
-.plot .on circle { fill: var(--front); }
-.plot .on text { fill: var(--ink); font-weight: 600; }
-.plot .spread { stroke: var(--other); }
-table { border-collapse: collapse; font-size: .875rem; font-variant-numeric: tabular-nums; width: 100%; }
-th, td { padding: .3rem .6rem; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); }
-th:first-child, td:first-child { text-align: left; position: sticky; left: 0; background: var(--paper); }
-thead th { color: var(--soft); font-weight: 600; }
-tbody th { font-weight: 400; }
-.on th { font-weight: 600; color: var(--front); }
-.cards { display: grid; align-items: start;
-  grid-template-columns: repeat(auto-fill, minmax(min(100%, 30rem), 1fr)); gap: 1.25rem; }
-figure { margin: 0; padding: .75rem; background: var(--tint); border-radius: .5rem; }
-figure div { display: grid; grid-template-columns: 1fr 1fr; gap: .5rem; }
-figure.truth div { grid-template-columns: 1fr; }
-img { display: block; width: 100%; height: auto; border-radius: .25rem; }
-figcaption { margin-top: .5rem; font-size: .875rem; }
-.scale { display: block; width: 100%; max-width: 34rem; height: auto; font: 13px system-ui, sans-serif; }
-.scale text { fill: var(--soft); }
-"""
+
+@dataclass(frozen=True)
+class Card:
+    """A picture and its map of errors, uint8 [height, width, 4], and the rows that have both."""
+
+    rows: list[str]
+    image: NDArray[np.uint8]
+    errors: NDArray[np.uint8]
+    off_by: str
+
+    @property
+    def names(self) -> str:
+        """The rows in one line."""
+        return "; ".join(self.rows)
 
 
 def page(comparison: Comparison, title: str) -> str:
     """The whole page; well formed as XML, too. Raises InputError where the rows have no pictures."""
     if any(row.image is None or row.error is None for row in comparison.rows):
         raise InputError("pictures: expected a comparison made with pictures=True, got one without")
-    width, height = comparison.size
-    legend = "".join(f"<p class='soft'>{escape(line)}</p>" for line in comparison.legend())
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8"/>
-<meta name="viewport" content="width=device-width, initial-scale=1"/>
-<title>{escape(title)}: techniques compared</title>
-<style>{STYLE}</style>
-</head>
-<body>
-<h1>{escape(title)}</h1>
-<p class="soft">{comparison.triangles:,} triangles, {comparison.fragments:,} fragments, at most {comparison.layers_max}
-in a pixel; {width} × {height} pixels; {escape(comparison.device)}</p>
-<h2>Time against error</h2>
-<p class="soft">Down and to the left is better. The line joins what nothing here beats in both.</p>
-<div class="wide">{plot(comparison)}</div>
-<h2>Figures</h2>
-<div class="wide">{table(comparison)}</div>
-{legend}
-<h2>Pictures and their errors</h2>
-<p class="soft">The greatest error of a pixel's channels, in steps of 8 bits; black where it is below a quarter of one,
-which no picture shows. Techniques with the same picture and the same map share one.</p>
-{scale()}
-<div class="cards">
-{truth(comparison)}
-{"".join(cards(comparison))}</div>
-</body>
-</html>
-"""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
 
+    def picture(image: NDArray[np.uint8], text: str) -> Markup:
+        data = base64.b64encode(encode_png(image)).decode()
+        height, width = image.shape[:2]
+        form = "<img src='data:image/png;base64,{}' alt='{}' width='{}' height='{}' loading='lazy'/>"
+        return Markup(form).format(data, text, width, height)
 
-def table(comparison: Comparison) -> str:
-    """The rows, as in the terminal."""
-    headings = ["technique", *(heading for heading, _ in COLUMNS)]
-    heads = "".join(f"<th scope='col'>{escape(heading)}</th>" for heading in headings)
-    lines = [
-        f"<tr{_class(on)}><th scope='row'>{'* ' if on else ''}{escape(row.name)}</th>"
-        + "".join(f"<td>{escape(cell(row))}</td>" for _, cell in COLUMNS)
-        + "</tr>"
-        for row, on in zip(comparison.rows, comparison.front(), strict=True)
-    ]
-    return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
+    loader = PackageLoader("clpeel.study")
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
+    return environment.get_template("comparison.html").render(
+        title=title,
+        comparison=comparison,
+        columns=COLUMNS,
+        rows=list(zip(comparison.rows, comparison.front(), strict=True)),
+        plot=Markup(plot(comparison)),
+        scale=Markup(scale()),
+        cards=cards(comparison),
+        picture=picture,
+    )
 
 
 def _class(on_front: bool) -> str:
@@ -124,40 +84,19 @@ def heat(error: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.concatenate([(colors * 255 + 0.5).astype(np.uint8), np.full((*error.shape, 1), 255, np.uint8)], axis=-1)
 
 
-def _picture(image: NDArray[np.uint8], text: str) -> str:
-    data = base64.b64encode(encode_png(image)).decode()
-    height, width = image.shape[:2]
-    return (
-        f"<img src='data:image/png;base64,{data}' alt='{escape(text, quote=True)}' width='{width}' height='{height}' "
-        "loading='lazy'/>"
-    )
-
-
-def truth(comparison: Comparison) -> str:
-    """The picture that all are compared with."""
-    image = _picture(comparison.truth_image(), "truth")
-    caption = "<figcaption><b>truth</b>, blended in float64</figcaption>"
-    return f"<figure class='truth'><div>{image}</div>{caption}</figure>\n"
-
-
-def cards(comparison: Comparison) -> list[str]:
-    """A figure for each picture and map of errors, with the names of all rows that have these."""
+def cards(comparison: Comparison) -> list[Card]:
+    """A card for each picture and map of errors, with the names of all rows that have these."""
     groups: dict[tuple[bytes, bytes], list[Row]] = {}
     for row in comparison.rows:
         assert row.image is not None and row.error is not None
         groups.setdefault((row.image.tobytes(), heat(row.error).tobytes()), []).append(row)
-    figures = []
+    found = []
     for rows in groups.values():
         image, error = rows[0].image, rows[0].error
         assert image is not None and error is not None
-        names = "; ".join(row.name for row in rows)
         worst = max(row.max_error for row in rows) / STEP
-        figures.append(
-            f"<figure><div>{_picture(image, names)}{_picture(heat(error), 'errors of ' + names)}</div>"
-            f"<figcaption><b>{'</b><br/><b>'.join(escape(row.name) for row in rows)}</b><br/>"
-            f"<span class='soft'>off by {_steps(worst)}</span></figcaption></figure>\n"
-        )
-    return figures
+        found.append(Card([row.name for row in rows], image, heat(error), _steps(worst)))
+    return found
 
 
 def _steps(steps: float) -> str:

@@ -5,29 +5,40 @@ Everitt 2001; Bavoil and Myers 2008, "Depth Peeling": N layers take N geometry p
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
-from clpeel.device.layout import ALL_LAYERS
-from clpeel.stages.many_passes import peel
-from clpeel.techniques import multi_layer_peeling
+from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
+from clpeel.techniques.peeling import Peeling
+from clpeel.techniques.technique import Count, Technique
 
-SUMMARY = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
-
-
-def passes_for(layers: Any, options: dict[str, Any]) -> Any:
-    """N (Everitt 2001)."""
-    return layers
+if TYPE_CHECKING:
+    from clpeel.stages.binning import Batch
+    from clpeel.stages.frame import Frame
+    from clpeel.stages.tiles import Drawn
 
 
-def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
-    """Those of multi-layer peeling of one layer a pass."""
-    return multi_layer_peeling.buffer_bytes(layers, {**options, "layers_per_pass": 1})
+class DepthPeeling(Technique[Peeling]):
+    """Multi-layer peeling of one layer a pass."""
 
+    name = "depth-peeling"
+    summary = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
+    kernel = "techniques/depth-peeling.cl"
+    options = Peeling
+    exact = True
+    paper_precision = "unorm8"
 
-draw = partial(peel, "techniques/depth-peeling.cl", 0)
+    def passes_for(self, layers: Count, options: Peeling) -> Count:
+        """N (Everitt 2001)."""
+        return layers
 
+    def buffer_bytes(self, layers: int, options: Peeling) -> int:
+        """z_near, the slot of the layer, whether there is more, and the colour."""
+        return 2 * FRAGMENT_BYTES + 4 + options.color_bytes
 
-def peeled(passes: int | None = None, **_: Any) -> tuple[int, int]:
-    """One layer a pass, from the front."""
-    return ALL_LAYERS if passes is None else int(passes), 0
+    def peeled(self, options: Peeling) -> tuple[int, int]:
+        """One layer a pass, from the front."""
+        return ALL_LAYERS if options.passes is None else options.passes, 0
+
+    def draw(self, frame: Frame, batch: Batch, options: Peeling) -> Drawn:
+        """Peels until nothing is left, or `passes` times."""
+        return frame.peel(batch, self.kernel, options)

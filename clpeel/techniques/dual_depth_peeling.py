@@ -5,31 +5,41 @@ Bavoil and Myers 2008, "Dual Depth Peeling": N layers take N / 2 + 1 geometry pa
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
-from clpeel.stages.many_passes import peel
-from clpeel.techniques.precision import color_bytes
+from clpeel.techniques.peeling import Peeling
+from clpeel.techniques.technique import Count, Technique
 
-SUMMARY = "exact: peels the nearest and the farthest layer in each geometry pass; N layers take N / 2 + 1 passes"
-FIRST_PASSES = 1
-"""The first pass finds the outermost layers and peels none."""
-
-
-def passes_for(layers: Any, options: dict[str, Any]) -> Any:
-    """N / 2 + 1, (N + 1) / 2 + 1 where N is odd (Bavoil and Myers 2008)."""
-    return (layers + 1) // 2 + FIRST_PASSES
+if TYPE_CHECKING:
+    from clpeel.stages.binning import Batch
+    from clpeel.stages.frame import Frame
+    from clpeel.stages.tiles import Drawn
 
 
-def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
-    """Two min-max depth buffers, a front and a back colour; see Buffers in the kernel file."""
-    return 4 * FRAGMENT_BYTES + 2 * color_bytes(options)
+class DualDepthPeeling(Technique[Peeling]):
+    """A min-max depth buffer peels from both ends at once."""
 
+    name = "dual-depth-peeling"
+    summary = "exact: peels the nearest and the farthest layer in each geometry pass; N layers take N / 2 + 1 passes"
+    kernel = "techniques/dual-depth-peeling.cl"
+    options = Peeling
+    exact = True
+    least_passes = 1  # the first pass finds the outermost layers and peels none
+    paper_precision = "unorm8"
 
-draw = partial(peel, "techniques/dual-depth-peeling.cl", FIRST_PASSES)
+    def passes_for(self, layers: Count, options: Peeling) -> Count:
+        """N / 2 + 1, (N + 1) / 2 + 1 where N is odd (Bavoil and Myers 2008)."""
+        return (layers + 1) // 2 + self.least_passes
 
+    def buffer_bytes(self, layers: int, options: Peeling) -> int:
+        """Two min-max depth buffers, a front and a back colour; see Buffers in the kernel file."""
+        return 4 * FRAGMENT_BYTES + 2 * options.color_bytes
 
-def peeled(passes: int | None = None, **_: Any) -> tuple[int, int]:
-    """One layer a peel from the front, and one from the back."""
-    return (ALL_LAYERS, 0) if passes is None else (int(passes), int(passes))
+    def peeled(self, options: Peeling) -> tuple[int, int]:
+        """One layer a peel from the front, and one from the back."""
+        return (ALL_LAYERS, 0) if options.passes is None else (options.passes, options.passes)
+
+    def draw(self, frame: Frame, batch: Batch, options: Peeling) -> Drawn:
+        """Peels until nothing is left, or `passes` times after the first pass."""
+        return frame.peel(batch, self.kernel, options, first_passes=self.least_passes)

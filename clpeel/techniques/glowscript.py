@@ -1,46 +1,63 @@
 """glowscript: opaque surfaces, then at most four peels in front of them (techniques/glowscript.cl).
 
-"Details about handling transparency with depth peeling" (GlowScript): no occlusion query, as reading it back costs more
-than the passes it saves, so that the number of passes is fixed.
+"Details about handling transparency with depth peeling" (GlowScript): there is no occlusion query, as reading it back
+costs more than the passes it saves. So the number of passes is fixed.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from clpeel.device.layout import FRAGMENT_BYTES
-from clpeel.stages.many_passes import check_peeling, checked_count, peel
-from clpeel.stages.one_pass import Drawn
-from clpeel.techniques.precision import DEFAULT_PRECISION, color_bytes
+from clpeel.options import count, option
+from clpeel.techniques.peeling import CoincidentName, Peeling
+from clpeel.techniques.precision import Blending
+from clpeel.techniques.technique import Count, Technique
 
-SUMMARY = (
-    "the four foremost layers, or as many --passes as told, in front of opaque surfaces; what is behind is left out"
-)
+if TYPE_CHECKING:
+    from clpeel.stages.binning import Batch
+    from clpeel.stages.frame import Frame
+    from clpeel.stages.tiles import Drawn
+
 MOST_PEELS = 4
 
 
-def passes_for(layers: Any, options: dict[str, Any]) -> Any:
-    """As many as are told: nothing tells it that fewer would do."""
-    return int(options.get("passes", MOST_PEELS))
+@dataclass(frozen=True, kw_only=True)
+class GlowscriptOptions(Blending):
+    """Peeling's, without those that end the passes."""
+
+    passes: int = option(MOST_PEELS, count(MOST_PEELS), help="peel so many times and stop, where the technique peels")
+    coincident: CoincidentName = option("keep", help="of equal depths keep all fragments, or the first alone")
 
 
-def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
-    """z_near, slot, whether there is more, and the peels' colours; see Buffers in the kernel file."""
-    return 2 * FRAGMENT_BYTES + 4 + MOST_PEELS * color_bytes(options)
+class Glowscript(Technique[GlowscriptOptions]):
+    """The peels of the browser's renderer."""
 
+    name = "glowscript"
+    summary = "the four foremost layers, or as many as --passes, in front of opaque surfaces; what is behind is skipped"
+    kernel = "techniques/glowscript.cl"
+    options = GlowscriptOptions
+    paper_precision = "unorm8"
 
-def check(passes: int = MOST_PEELS, coincident: str = "keep", precision: str = DEFAULT_PRECISION) -> None:
-    """InputError where one of the options cannot be."""
-    checked_count("passes", passes, MOST_PEELS)
-    check_peeling(coincident=coincident, precision=precision)
+    def passes_for(self, layers: Count, options: GlowscriptOptions) -> Count:
+        """As many as `passes`: nothing shows it that fewer would do."""
+        return layers * 0 + options.passes
 
+    def buffer_bytes(self, layers: int, options: GlowscriptOptions) -> int:
+        """z_near, slot, whether there is more, and the peels' colours; see Buffers in the kernel file."""
+        return 2 * FRAGMENT_BYTES + 4 + MOST_PEELS * options.color_bytes
 
-def draw(*arguments: Any, passes: int = MOST_PEELS, **options: Any) -> Drawn:
-    """Draws a batch of tiles with `passes` peels (1..MOST_PEELS, else InputError)."""
-    check(passes)
-    return peel("techniques/glowscript.cl", 0, *arguments, passes=passes, occlusion_query=False, **options)
+    def peeled(self, options: GlowscriptOptions) -> tuple[int, int]:
+        """One layer a peel, from the front."""
+        return options.passes, 0
 
-
-def peeled(passes: int = MOST_PEELS, **_: Any) -> tuple[int, int]:
-    """One layer a peel, from the front."""
-    return int(passes), 0
+    def draw(self, frame: Frame, batch: Batch, options: GlowscriptOptions) -> Drawn:
+        """Peels `passes` times."""
+        peeling = Peeling(
+            precision=options.precision,
+            passes=options.passes,
+            occlusion_query=False,
+            coincident=options.coincident,
+        )
+        return frame.peel(batch, self.kernel, peeling)

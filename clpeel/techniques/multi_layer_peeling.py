@@ -6,25 +6,28 @@ passes, rounded up.
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
 
 from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
 from clpeel.errors import InputError
-from clpeel.stages.many_passes import check_peeling, checked_count, peel
-from clpeel.stages.one_pass import Drawn
-from clpeel.techniques.precision import color_bytes
+from clpeel.options import count, option
+from clpeel.techniques.peeling import Peeling
+from clpeel.techniques.technique import Count, Technique
 
-SUMMARY = "exact: peels several layers, 8 unless told, in each geometry pass by insertion sort"
+if TYPE_CHECKING:
+    from clpeel.stages.binning import Batch
+    from clpeel.stages.frame import Frame
+    from clpeel.stages.tiles import Drawn
+
 MOST_LAYERS = 64
-VARIANTS: tuple[dict[str, Any], ...] = ({}, *({"layers_per_pass": layers} for layers in (2, 4, 16)))
-"""What `auto` has the choice of besides 8 a pass; more than 16 a pixel do not stay in a processor's registers."""
-
-HAZARD_ORDERS = ("nearest-last", "arrival")
-"""In which writes of a wave land: farthest first, which keeps the paper's bound of M passes, or as fragments arrive."""
 
 MAX_WINDOW = 2**31 - 1
+HazardOrder = Literal["nearest-last", "arrival"]
+HAZARD_ORDERS: tuple[HazardOrder, ...] = get_args(HazardOrder)
+
 TORN_WINDOW = 2
-"""Fragments in flight at once where writes are torn, unless told: the two of the paper's Figure 2."""
+"""Fragments in flight at once where writes are torn, by default: the two of the paper's Figure 2."""
 
 
 def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int = 4, depth_bytes: int = 4) -> int:
@@ -43,67 +46,87 @@ def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int =
     return layers
 
 
-def passes_for(layers: Any, options: dict[str, Any]) -> Any:
-    """N / M, rounded up (Liu, Wei and Xu 2006)."""
-    return -(-layers // int(options.get("layers_per_pass", layers_per_pass())))
+@dataclass(frozen=True, kw_only=True)
+class MultiLayerOptions(Peeling):
+    """Peeling's, and those of the pass.
 
-
-def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
-    """z_near, a slot for each layer of a pass, whether there is more, the colour; see Buffers in the kernel file."""
-    slots = options.get("layers_per_pass", layers_per_pass())
-    return FRAGMENT_BYTES * (1 + slots) + 4 + color_bytes(options)
-
-
-def check(
-    layers_per_pass: int = layers_per_pass(),
-    hazard_window: int | None = None,
-    hazard_order: str = "nearest-last",
-    torn_writes: bool = False,
-    **options: Any,
-) -> None:
-    """InputError where one of the options of `draw` cannot be, or not with another."""
-    checked_count("layers_per_pass", layers_per_pass, MOST_LAYERS)
-    if hazard_order not in HAZARD_ORDERS:
-        raise InputError(f"hazard_order: expected one of {', '.join(HAZARD_ORDERS)}; got {hazard_order!r}")
-    if hazard_window is not None:
-        checked_count("hazard_window", hazard_window, MAX_WINDOW)
-    if hazard_window is not None or torn_writes:
-        for name in sorted(options.keys() & {"passes", "occlusion_query", "max_error"}):
-            raise InputError(
-                f"{name}: expected none with hazard_window: its passes end when nothing is written; got one"
-            )
-    check_peeling(**options)
-
-
-def draw(
-    *arguments: Any,
-    layers_per_pass: int = layers_per_pass(),
-    hazard_window: int | None = None,
-    hazard_order: str = "nearest-last",
-    torn_writes: bool = False,
-    **options: Any,
-) -> Drawn:
-    """Draws a batch of tiles, `layers_per_pass` layers a pass (1..MOST_LAYERS, else InputError).
-
-    hazard_window: simulates concurrent writes, of so many fragments of a pixel at once, where it is given; in which
-    order they land: one of HAZARD_ORDERS; and, with torn_writes, of two that meet each commits half of its targets.
-    Raises InputError where the inner loop of Table 1 then has no end.
+    hazard_order: in which order the writes of a wave land: "nearest-last", which keeps the paper's bound of M passes,
+    or as fragments arrive.
     """
-    check(layers_per_pass, hazard_window, hazard_order, torn_writes, **options)
-    layers = int(layers_per_pass)
-    defines = {"LAYERS_A_PASS": layers}
-    if hazard_window is None and not torn_writes:
-        return peel("techniques/multi-layer-peeling.cl", 0, *arguments, defines=defines, **options)
-    defines["HAZARD_WINDOW"] = TORN_WINDOW if hazard_window is None else int(hazard_window)
-    defines["HAZARD_ARRIVAL"] = int(hazard_order == "arrival")
-    defines["TORN_WRITES"] = int(torn_writes)
-    return peel("techniques/multi-layer-hazards.cl", 0, *arguments, defines=defines, layers_a_pass=layers, **options)
+
+    layers_per_pass: int = option(
+        layers_per_pass(),
+        count(MOST_LAYERS),
+        flag="--layers",
+        help="layers a pass, where the technique peels several (default: 8)",
+    )
+    hazard_window: int | None = option(
+        None, count(MAX_WINDOW), help="multi-layer-peeling: simulate so many concurrent writes"
+    )
+    hazard_order: HazardOrder = option("nearest-last", help="multi-layer-peeling: the order in which these writes land")
+    torn_writes: bool = option(False, help="multi-layer-peeling: of two writes that meet, each commits half")
+
+    @property
+    def simulates_hazards(self) -> bool:
+        """Whether writes are concurrent, so that a pass may have to be repeated."""
+        return self.hazard_window is not None or self.torn_writes
+
+    def check_together(self) -> None:
+        """Raises InputError where an option would end the passes of a simulation, which end when nothing is written."""
+        if self.simulates_hazards:
+            given = dict(self.given())
+            for name in sorted(given.keys() & {"passes", "occlusion_query", "max_error"}):
+                raise InputError(
+                    f"{name}: expected none with hazard_window: its passes end when nothing is written; got one"
+                )
+        super().check_together()
 
 
-def peeled(
-    passes: int | None = None, layers_per_pass: int = layers_per_pass(), torn_writes: bool = False, **_: Any
-) -> tuple[int, int]:
-    """So many layers a pass, from the front. Raises InputError with torn_writes, which may lose some."""
-    if torn_writes:
-        raise InputError("layers: expected no torn_writes, with which layers may be lost; got both")
-    return ALL_LAYERS if passes is None else int(passes) * int(layers_per_pass), 0
+class MultiLayerPeeling(Technique[MultiLayerOptions]):
+    """Peels M layers a pass."""
+
+    name = "multi-layer-peeling"
+    summary = "exact: peels several layers, 8 by default, in each geometry pass by insertion sort"
+    kernel = "techniques/multi-layer-peeling.cl"
+    options = MultiLayerOptions
+    exact = True
+    paper_precision = "unorm8"
+
+    def passes_for(self, layers: Count, options: MultiLayerOptions) -> Count:
+        """N / M, rounded up (Liu, Wei and Xu 2006)."""
+        return -(-layers // options.layers_per_pass)
+
+    def buffer_bytes(self, layers: int, options: MultiLayerOptions) -> int:
+        """z_near, a slot for each layer of a pass, whether there is more, the colour; see Buffers in the kernel."""
+        return FRAGMENT_BYTES * (1 + options.layers_per_pass) + 4 + options.color_bytes
+
+    def peeled(self, options: MultiLayerOptions) -> tuple[int, int]:
+        """So many layers a pass, from the front. Raises InputError with torn_writes, which may lose some."""
+        if options.torn_writes:
+            raise InputError("layers: expected no torn_writes, with which layers may be lost; got both")
+        return ALL_LAYERS if options.passes is None else options.passes * options.layers_per_pass, 0
+
+    def variants(self) -> tuple[MultiLayerOptions, ...]:
+        """More than 16 layers a pass do not stay in a processor's registers."""
+        return tuple(MultiLayerOptions(layers_per_pass=layers) for layers in (layers_per_pass(), 2, 4, 16))
+
+    def draw(self, frame: Frame, batch: Batch, options: MultiLayerOptions) -> Drawn:
+        """Peels until nothing is left, or `passes` times.
+
+        With hazard_window so many fragments of a pixel are written at once, where the last write wins; with torn_writes
+        each of two that meet commits half of its targets. Raises InputError where the inner loop of the paper's Table 1
+        then has no end.
+        """
+        constants = {"LAYERS_A_PASS": options.layers_per_pass}
+        if not options.simulates_hazards:
+            return frame.peel(batch, self.kernel, options, constants)
+        constants["HAZARD_WINDOW"] = options.hazard_window or TORN_WINDOW
+        constants["HAZARD_ARRIVAL"] = int(options.hazard_order == "arrival")
+        constants["TORN_WRITES"] = int(options.torn_writes)
+        return frame.peel(
+            batch,
+            "techniques/multi-layer-hazards.cl",
+            options,
+            constants,
+            layers_a_pass=options.layers_per_pass,
+        )

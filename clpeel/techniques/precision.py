@@ -1,55 +1,66 @@
-"""Blending: the precisions of the buffers that colours are blended into (blending.h)."""
+"""Precision: how many bytes the buffers that colours are blended into have, and what that rounds off (blending.h)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal
 
-from clpeel.errors import InputError
+from clpeel.options import SHARE, Options, option
+
+PrecisionName = Literal["float32", "half", "unorm8"]
+
+DEFAULT_PRECISION: PrecisionName = "float32"
 
 
 @dataclass(frozen=True)
 class Precision:
-    """How a buffer keeps a channel: in how many bytes, and how far off that is from a float32 at most, of 0..1."""
+    """How a buffer keeps a channel.
+
+    channel_bytes: of one channel. rounding: how far off the kept value is from a float32 at most, of 0..1.
+    """
 
     channel_bytes: int
     rounding: float
 
     @property
     def color_bytes(self) -> int:
-        """Of red, green, blue and alpha."""
+        """Bytes of red, green, blue and alpha."""
         return 4 * self.channel_bytes
 
 
-PRECISION = "precision"
-"""Option of all that blend colours."""
-
-PRECISIONS = {
+PRECISIONS: dict[str, Precision] = {
     "float32": Precision(4, 0.0),
     "half": Precision(2, 2.0**-12),
     "unorm8": Precision(1, 0.5 / 255),
 }
-"""In the order of the kernels' numbers. The papers' are unorm8 (RGBA8) where layers are blended, half for sums."""
-
-DEFAULT_PRECISION = "float32"
+"""In the order of the kernels' numbers. The papers have unorm8 (RGBA8) where layers are blended, and half for sums."""
 
 
-def check_precision(precision: str = DEFAULT_PRECISION) -> None:
-    """InputError where there is none of that name."""
-    if precision not in PRECISIONS:
-        raise InputError(f"precision: expected one of {', '.join(PRECISIONS)}; got {precision!r}")
+@dataclass(frozen=True, kw_only=True)
+class Blending(Options):
+    """The options of all techniques that blend colours."""
+
+    precision: PrecisionName = option(
+        DEFAULT_PRECISION, help="of the buffers that colours are blended into, each blend rounded as hardware does"
+    )
+
+    @property
+    def color_bytes(self) -> int:
+        """Bytes of a colour in a buffer of this precision."""
+        return PRECISIONS[self.precision].color_bytes
+
+    @property
+    def constants(self) -> dict[str, int]:
+        """The constant of a kernel that blends into buffers of this precision; none for float32, the kernels' own."""
+        number = list(PRECISIONS).index(self.precision)
+        return {"PRECISION": number} if number else {}
 
 
-def precision_define(precision: str = DEFAULT_PRECISION) -> dict[str, Any]:
-    """The constant of a kernel that blends into buffers of that precision (PRECISIONS, else InputError)."""
-    check_precision(precision)
-    number = list(PRECISIONS).index(precision)
-    return {"PRECISION": number} if number else {}
+@dataclass(frozen=True, kw_only=True)
+class Bounded(Blending):
+    """The options of techniques that blend layers in order, and so know what the next ones could still change."""
 
-
-def color_bytes(options: dict[str, Any]) -> int:
-    """Bytes of a colour in a buffer, with these options of a technique."""
-    return PRECISIONS[options.get(PRECISION, DEFAULT_PRECISION)].color_bytes
+    max_error: float | None = option(None, SHARE, help="skip layers that cannot change a channel by more; 0 is exact")
 
 
 def blending_bound(layers: int, precision: str = DEFAULT_PRECISION) -> float:

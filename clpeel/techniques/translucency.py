@@ -6,21 +6,20 @@ variants of `thickness`.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from clpeel.errors import InputError
-from clpeel.scene.camera import length_of
-from clpeel.scene.scene import checked_rgb
-from clpeel.stages.composite import Finished, Picture
-from clpeel.stages.one_pass import Drawn
-from clpeel.stages.projection import Triangles
-from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISION, precision_define
-from clpeel.techniques.thickness import device_scale, maps_of, measure
+from clpeel.checks import Rgb
+from clpeel.options import COLOR, not_negative, option
+from clpeel.techniques.precision import Blending
+from clpeel.techniques.thickness import Measuring, Variant, device_scale, maps_of
 
-SUMMARY = "surfaces with a light behind them, which comes through where they are thin"
-OPTIONS = ("variant", "sigma", "light_color", PRECISION)
+if TYPE_CHECKING:
+    from clpeel.stages.binning import Batch
+    from clpeel.stages.composite import Finished, Picture
+    from clpeel.stages.frame import Frame
+    from clpeel.stages.projection import Triangles
+    from clpeel.stages.tiles import Drawn
 
 LIGHT_COLOR = (1.0, 0.93, 0.8)
 """A warm white."""
@@ -29,46 +28,48 @@ REFLECTANCE = 0.35
 """What a white surface reflects of the light at the camera."""
 
 OPTICAL_DIAGONAL = 6.0
-"""sigma, unless told, times the diagonal of the scene's bounds."""
+"""The default sigma, times the diagonal of the scene's bounds."""
 
 
-def extinction(triangles: Triangles, sigma: Any) -> float:
-    """sigma, a scene unit, as given or OPTICAL_DIAGONAL over the scene's diagonal; or InputError."""
-    if sigma is None:
-        low, high = triangles.scene.scene.bounds
-        return OPTICAL_DIAGONAL / (length_of(high - low) or 1.0)
-    try:
-        value = float(sigma)
-    except (TypeError, ValueError):
-        value = -1.0
-    if not 0 <= value < math.inf:
-        raise InputError(f"sigma: expected a number of 0 or more, a scene unit, got {sigma!r}")
-    return value
+@dataclass(frozen=True, kw_only=True)
+class TranslucencyOptions(Blending, Variant):
+    """The light and what it goes through."""
 
-
-def draw(
-    gpu: Any,
-    triangles: Triangles,
-    *arguments: Any,
-    variant: str = "exact",
-    sigma: float | None = None,
-    light_color: Sequence[float] | str = LIGHT_COLOR,
-    precision: str = DEFAULT_PRECISION,
-) -> Drawn:
-    """Draws a batch of tiles. Raises InputError where an option cannot be."""
-    # Of the device's units, in which it finds lengths.
-    parameters = (
-        extinction(triangles, sigma) / device_scale(triangles),
-        *checked_rgb("light_color", light_color),
-        REFLECTANCE,
+    sigma: float | None = option(
+        None,
+        not_negative("a number of 0 or more, a scene unit"),
+        help="extinction a scene unit (default: by the scene's size)",
     )
-    constants = precision_define(precision)
-    return measure("techniques/translucency.cl", variant, False, parameters, gpu, triangles, *arguments, **constants)
+    light_color: Rgb | str = option(LIGHT_COLOR, COLOR, help="of the light behind the scene (default: a warm white)")
 
 
-def finish(
-    picture: Picture, triangles: Triangles, background: Any, *, sigma: float | None = None, **options: Any
-) -> Finished:
-    """The maps; the picture is as it was drawn."""
-    maps, stats = maps_of(picture, 1 / device_scale(triangles))
-    return Finished(picture.image, picture.color, maps, {**stats, "sigma": extinction(triangles, sigma)})
+class Translucency(Measuring[TranslucencyOptions]):
+    """The picture, and the maps that it is made of."""
+
+    name = "translucency"
+    summary = "surfaces with a light behind them, which comes through where they are thin"
+    kernel = "techniques/translucency.cl"
+    options = TranslucencyOptions
+
+    def draw(self, frame: Frame, batch: Batch, options: TranslucencyOptions) -> Drawn:
+        """Lengths are in the device's units, and so is the extinction."""
+        extinction = extinction_of(frame.triangles, options) / device_scale(frame.triangles)
+        parameters = (extinction, *(float(part) for part in options.light_color), REFLECTANCE)
+        return self.measure(frame, batch, options.variant, parameters=parameters, constants=options.constants)
+
+    def finish(
+        self, picture: Picture, triangles: Triangles, background: Rgb | None, options: TranslucencyOptions
+    ) -> Finished:
+        """The maps; the picture stays as it was drawn."""
+        maps, stats = maps_of(picture, 1 / device_scale(triangles))
+        return picture.finished(maps, {**stats, "sigma": extinction_of(triangles, options)})
+
+
+def extinction_of(triangles: Triangles, options: TranslucencyOptions) -> float:
+    """sigma, a scene unit, as given, or OPTICAL_DIAGONAL over the scene's diagonal."""
+    from clpeel.scene.camera import length_of
+
+    if options.sigma is not None:
+        return options.sigma
+    low, high = triangles.scene.scene.bounds
+    return OPTICAL_DIAGONAL / (length_of(high - low) or 1.0)

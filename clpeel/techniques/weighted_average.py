@@ -6,10 +6,12 @@ Myers 2008, "Weighted Average").
 
 from __future__ import annotations
 
-from functools import partial
+from clpeel.techniques.weighted_sum import Sums
 
-from clpeel.techniques.weighted_sum import draw_sums
 
-SUMMARY = "fast, not exact: as many layers as there are, all of the average colour and alpha"
+class WeightedAverage(Sums):
+    """Every layer alike."""
 
-draw = partial(draw_sums, "techniques/weighted-average.cl")
+    name = "weighted-average"
+    summary = "fast, not exact: as many layers as there are, all of the average colour and alpha"
+    kernel = "techniques/weighted-average.cl"

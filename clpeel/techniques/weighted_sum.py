@@ -5,33 +5,46 @@ C = sum(Ai Ci) + C0 (1 - sum(Ai)), in submission order (Meshkin 2007; Bavoil and
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from clpeel.device.layout import FRAGMENT_BYTES
-from clpeel.stages.one_pass import Drawn, draw_once
-from clpeel.techniques.precision import DEFAULT_PRECISION, precision_define
+from clpeel.techniques.precision import Blending
+from clpeel.techniques.technique import Technique
 
-SUMMARY = "fast, not exact: adds up the colours times their alphas in any order; right where alphas are small"
-
-
-def buffer_bytes(layers: int, options: dict[str, Any]) -> int:
-    """All fragments of a sample: they are kept until they can be added up in the order of submission."""
-    return FRAGMENT_BYTES * layers
+if TYPE_CHECKING:
+    from clpeel.stages.binning import Batch
+    from clpeel.stages.frame import Frame
+    from clpeel.stages.tiles import Drawn
 
 
-def left_out(layers: int, alpha: float) -> float:
-    """How far off a channel is at most, over any background, with so many layers of such alphas.
+class Sums(Technique[Blending]):
+    """What the techniques that add fragments up, in whatever order of depth, have in common."""
 
-    The sum takes each layer to be seen in full, Ai Ci, where 1 - Pi of it is hidden, Pi being the product of the 1 - Aj
-    in front; over a background C0 the picture is off by sum(Ai (1 - Pi) (Ci - C0)), and 1 - Pi <= sum(Aj).
-    """
-    return alpha * alpha * layers * (layers - 1) / 2
+    options = Blending
+    least_passes = 1
+    paper_precision = "half"
+    stores_fragments = True
+
+    def buffer_bytes(self, layers: int, options: Blending) -> int:
+        """All fragments of a sample: they are kept until they can be added up in the order of submission."""
+        return FRAGMENT_BYTES * layers
+
+    def draw(self, frame: Frame, batch: Batch, options: Blending) -> Drawn:
+        """Goes over the geometry once."""
+        return frame.once(batch, self.kernel, options.constants)
 
 
-def draw_sums(path: str, *arguments: Any, precision: str = DEFAULT_PRECISION) -> Drawn:
-    """Draws a batch by the kernel file `path`, with sums of that precision (PRECISIONS, else InputError)."""
-    return draw_once(path, 0, *arguments, **precision_define(precision))
+class WeightedSum(Sums):
+    """Every layer in full, as if nothing were in front of it."""
 
+    name = "weighted-sum"
+    summary = "fast, not exact: adds up the colours times their alphas in any order; right where alphas are small"
+    kernel = "techniques/weighted-sum.cl"
 
-draw = partial(draw_sums, "techniques/weighted-sum.cl")
+    def error_without_order(self, layers: int, alpha: float) -> float:
+        """How far off a channel is at most, over any background, with so many layers of such alphas.
+
+        The sum takes each layer to be seen in full, Ai Ci, where 1 - Pi of it is hidden, Pi being the product of the
+        1 - Aj in front; over a background C0 the picture is off by sum(Ai (1 - Pi) (Ci - C0)), and 1 - Pi <= sum(Aj).
+        """
+        return alpha * alpha * layers * (layers - 1) / 2

@@ -57,14 +57,14 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
 #if VALUES
     local Found found[TILE_PIXELS / STRIP];
 #endif
-    local uint taken, totals[TILE_TOTALS];
+    local uint taken, totals[PEEL_TOTALS];
     const float3 view = (float3)(view_x, view_y, view_z);
     const float least_seen = BOUNDED ? parameters[0] : 0.0f;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     for (;;) {
         if (get_local_id(0) == 0) {
             taken = atomic_inc(next_tile);
-            for (int k = 0; k < TILE_TOTALS; ++k) totals[k] = 0;
+            for (int k = 0; k < PEEL_TOTALS; ++k) totals[k] = 0;
         }
         barrier(CLK_LOCAL_MEM_FENCE);
         uint tile = taken;
@@ -167,14 +167,14 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             }
             layer[own * LANES + lane] = merged;
         }
-        atomic_add(totals, fragments);
-        atomic_max(totals + 1, deepest);
-        atomic_max(totals + 2, REPEATS ? endless : pass + (uint)(passed && !left_over && pass < most_passes));
-        atomic_add(totals + 3, truncated);
-        atomic_max(totals + 4, hidden);
-        atomic_add(totals + 5, solid);
+        atomic_add(totals + PEEL_FRAGMENTS, fragments);
+        atomic_max(totals + PEEL_LAYERS, deepest);
+        atomic_max(totals + PEEL_PASSES, REPEATS ? endless : pass + (uint)(passed && !left_over && pass < most_passes));
+        atomic_add(totals + PEEL_TRUNCATED, truncated);
+        atomic_max(totals + PEEL_HIDDEN, hidden);
+        atomic_add(totals + PEEL_OPAQUE, solid);
         barrier(CLK_LOCAL_MEM_FENCE);
-        for (int k = lane; k < TILE_TOTALS; k += LANES) tile_totals[TILE_TOTALS * tile + k] = totals[k];
+        for (int k = lane; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];
         uint beyond_one = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
                                          blue, has_background, keep_color, image, color);
         if (beyond_one) atomic_add(clamped, beyond_one);

@@ -17,11 +17,11 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
                          uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                          float depth_scale, global const uint *chosen, global uint *layers, global uint *tile_totals)
 {
-    local uint taken, totals[COMPLEXITY_TOTALS];
+    local uint taken, totals[COUNT_TOTALS];
     for (;;) {
         if (get_local_id(0) == 0) {
             taken = atomic_inc(next_tile);
-            for (int k = 0; k < COMPLEXITY_TOTALS; ++k) totals[k] = 0;
+            for (int k = 0; k < COUNT_TOTALS; ++k) totals[k] = 0;
         }
         barrier(CLK_LOCAL_MEM_FENCE);
         uint number = taken;
@@ -73,16 +73,16 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
                 solid += opaque;
                 if (layers && column < width && row < height) layers[(size_t)row * width + column] = count | (opaque ? IS_OPAQUE : 0);
             }
-        atomic_add(totals, fragments);
-        atomic_max(totals + 1, deepest);
-        atomic_add(totals + 2, solid);
-        atomic_add(totals + 3, all_fragments);
-        atomic_max(totals + 4, all_deepest);
-        atomic_add(totals + 5, visits);
-        atomic_add(totals + 6, opaque_visits);
-        if (lane == 0) totals[7] = middle - begin;
+        atomic_add(totals + COUNT_FRAGMENTS, fragments);
+        atomic_max(totals + COUNT_LAYERS, deepest);
+        atomic_add(totals + COUNT_OPAQUE, solid);
+        atomic_add(totals + COUNT_ALL_FRAGMENTS, all_fragments);
+        atomic_max(totals + COUNT_ALL_LAYERS, all_deepest);
+        atomic_add(totals + COUNT_VISITS, visits);
+        atomic_add(totals + COUNT_OPAQUE_VISITS, opaque_visits);
+        if (lane == 0) totals[COUNT_OPAQUE_RECORDS] = middle - begin;
         barrier(CLK_LOCAL_MEM_FENCE);
-        for (int k = lane; k < COMPLEXITY_TOTALS; k += LANES) tile_totals[COMPLEXITY_TOTALS * number + k] = totals[k];
+        for (int k = lane; k < COUNT_TOTALS; k += LANES) tile_totals[COUNT_TOTALS * number + k] = totals[k];
         barrier(CLK_LOCAL_MEM_FENCE);
     }
 }

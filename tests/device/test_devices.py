@@ -35,7 +35,7 @@ def test_the_environment_stands_in(monkeypatch):
 
 def test_one_lane_on_a_cpu():
     gpu = open_device()
-    assert gpu.lanes == (1 if device.choose(None).kind == "cpu" else 64)
+    assert gpu.lanes == (1 if device.find_device(None).kind == "cpu" else 64)
 
 
 @pytest.mark.parametrize("selector", [99, "99", "nothing like it"])

@@ -18,15 +18,17 @@ from clpeel.rendering import auto
 from clpeel.rendering.auto import error_for_8_bits, layers_seen
 from clpeel.scene.scene import OpticalDepths
 from clpeel.stages.counting import LOOKED_AT, count_layers, look_at_some
-from clpeel.stages.one_pass import checked_error
-from clpeel.stages.projection import project, upload
-from clpeel.techniques import AUTO_OPTIONS, MAX_ERROR, TECHNIQUES, labelled
+from clpeel.stages.frame import float32_below
+from clpeel.stages.projection import project
+from clpeel.stages.upload import upload
+from clpeel.techniques import TECHNIQUES, option_names
 from clpeel.techniques.precision import blending_bound
-from clpeel.techniques.weighted_sum import left_out
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
-VARIANTS = [(name, variant) for name, technique in TECHNIQUES.items() for variant in technique.variants]
+VARIANTS = [(technique, variant) for technique in TECHNIQUES.values() for variant in technique.variants()]
+
+left_out = TECHNIQUES["weighted-sum"].error_without_order
 
 
 @pytest.fixture
@@ -38,7 +40,9 @@ def looking(monkeypatch: pytest.MonkeyPatch) -> None:
 def chosen(result: Any) -> tuple[str, dict[str, Any]]:
     """The technique of a result and what tells it apart."""
     told = result.stats["auto"]["explanation"][0].removeprefix("auto chose ").partition(", in float32")[0]
-    return next((name, variant) for name, variant in VARIANTS if labelled(name, variant) == told)
+    return next(
+        (technique.name, dict(variant.given())) for technique, variant in VARIANTS if technique.label(variant) == told
+    )
 
 
 @pytest.mark.usefixtures("looking")
@@ -65,7 +69,7 @@ def test_whatever_is_chosen_keeps_to_the_error(
         off = np.abs(got.color.astype(float) - truth.color).max(axis=2)
         assert (off <= got.error_bound + rounding).all()
         kept = got.stats["auto"]["max_error"]
-        assert kept == checked_error(error) if error is not None else 0 < kept < 1 / 255
+        assert kept == float32_below(error) if error is not None else 0 < kept < 1 / 255
         assert (got.error_bound <= kept + blending_bound(count + 1)).all()
         if error is None:
             assert np.abs(got.image.astype(int) - truth.image).max() <= 1
@@ -135,9 +139,9 @@ def test_a_look_sees_what_there_is(lanes: int, bench: Any) -> None:
     some = look_at_some(gpu, triangles, next(tiles.batches(1 << 30)))
     assert len(some.records) <= LOOKED_AT < len(whole.records)
     assert some.weights @ some.records == pytest.approx(whole.records.sum(), rel=1e-9)
-    for column in (0, 5):  # fragments, strips visited
-        assert some.weights @ some.totals[:, column] == pytest.approx(whole.totals[:, column].sum(), rel=0.15)
-    assert 0.8 * whole.totals[:, 1].max() <= some.totals[:, 1].max() <= whole.totals[:, 1].max()
+    for name in ("fragments", "visits"):
+        assert some.weights @ some.totals[name] == pytest.approx(whole.totals[name].sum(), rel=0.15)
+    assert 0.8 * whole.totals["layers"].max() <= some.totals["layers"].max() <= whole.totals["layers"].max()
 
 
 def test_layers_that_are_seen() -> None:
@@ -163,18 +167,18 @@ def test_memory_is_what_it_says(lanes: int, bench: Any) -> None:
     """Of the choice and all others, whose pictures are then made: what the device's buffers take."""
     scene, call = bench("boxes", n=6).scene(), {"camera": BENCH.camera(), "size": (256, 256)}
     found: list[auto.Choice] = []
-    original = auto.choose
+    original = auto.choose_technique
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(clpeel.rendering.renderer, "choose", lambda *given: found.append(original(*given)) or found[0])
+        patch.setattr(auto, "choose_technique", lambda *given: found.append(original(*given)) or found[0])
         renderer = clpeel.Renderer(scene, lanes=lanes)
         renderer.gpu.buffers.clear()
         renderer.render(technique="auto", **call)
     choice = found[0]
-    assert {other.technique for other in choice.others} >= {"depth-peeling", "dual-depth-peeling"}
+    assert {other.technique.name for other in choice.others} >= {"depth-peeling", "dual-depth-peeling"}
     for one in (choice.chosen, *choice.others):
         renderer = clpeel.Renderer(scene, lanes=lanes)
         renderer.gpu.buffers.clear()
-        stats = renderer.render(technique=one.technique, **one.options, **call).stats
+        stats = renderer.render(technique=one.technique.name, **dict(one.options.given()), **call).stats
         taken = sum(size for name, size in stats["bytes"].items() if name != "values")
         assert one.fits and one.nbytes == pytest.approx(taken, abs=16384), one.name  # the look's own, and some numbers
 
@@ -210,13 +214,13 @@ def test_the_least_estimate_is_chosen(lanes: int, bench: Any) -> None:
     lines = got.stats["auto"]["explanation"]
     assert len(lines) == 3 and all("\n" not in line for line in lines)
     assert "counting" in got.stats["seconds"] and "hide what is behind" in lines[1]
-    assert set(AUTO_OPTIONS) <= set(TECHNIQUES[got.stats["technique"]].options)
+    assert set(option_names("auto")) <= set(option_names(got.stats["technique"]))
     milliseconds = [float(part.rpartition(" ms,")[0].rpartition(" ")[2]) for part in lines[2].split("; ")]
     assert milliseconds == sorted(milliseconds)
     assert float(lines[0].rpartition(" ms,")[0].rpartition(" ")[2]) <= milliseconds[0]
 
 
-@pytest.mark.parametrize("options", [{"passes": 2}, {"precision": "half"}, {MAX_ERROR: 2.0}])
+@pytest.mark.parametrize("options", [{"passes": 2}, {"precision": "half"}, {"max_error": 2.0}])
 def test_what_cannot_be_is_refused(options: dict[str, Any]) -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     name = next(iter(options))

@@ -18,9 +18,9 @@ from twins.soups import AHEAD, BENCH, Soup
 import clpeel
 from clpeel.command import main as cli
 from clpeel.device.layout import FRAGMENT_BYTES
+from clpeel.pictures.layers import Layers
 from clpeel.rendering.renderer import Renderer
-from clpeel.stages.find_layers import Layers
-from clpeel.techniques import MAX_ERROR, TECHNIQUES
+from clpeel.techniques import TECHNIQUES
 from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, blending_bound
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
-BLENDING = [name for name, technique in TECHNIQUES.items() if "precision" in technique.options]
+BLENDING = [name for name, technique in TECHNIQUES.items() if "precision" in technique.option_names]
 PICTURES = [name for name in BLENDING if not TECHNIQUES[name].maps]
 EXACT = [name for name in BLENDING if TECHNIQUES[name].exact]
 LANES = (1, 64)
@@ -256,7 +256,7 @@ def test_bytes_a_pixel(technique: str, buffers: int) -> None:
 
 def test_those_that_blend_have_it() -> None:
     assert [name for name in TECHNIQUES if name not in BLENDING] == ["thickness"]
-    assert [name for name in EXACT if MAX_ERROR not in TECHNIQUES[name].options] == []
+    assert [name for name in EXACT if "max_error" not in TECHNIQUES[name].option_names] == []
     assert {TECHNIQUES[name].paper_precision for name in BLENDING} == set(PRECISIONS)
     assert blending_bound(3) < blending_bound(3, "half") < blending_bound(3, "unorm8") < blending_bound(4, "unorm8")
 

@@ -15,11 +15,11 @@ from twins.soups import AHEAD, BENCH
 
 import clpeel
 from clpeel.command import main as cli
-from clpeel.techniques import MAX_ERROR, TECHNIQUES
+from clpeel.techniques import TECHNIQUES
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
-BOUNDED = [name for name, technique in TECHNIQUES.items() if MAX_ERROR in technique.options]
+BOUNDED = [name for name, technique in TECHNIQUES.items() if "max_error" in technique.option_names]
 STEPS = [0.0, 1 / 255, 1 / 64, 1 / 16, 0.3, 1.0]
 
 

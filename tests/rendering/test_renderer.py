@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clpeel
-from clpeel.device.memory import parse_memory
+from clpeel.checks import parse_memory
 from clpeel.techniques import TECHNIQUES
 
 
@@ -40,14 +40,14 @@ def test_stats_tell_what_was_done(scene, technique):
     else:
         assert stats["truncated_pixels"] == stats["truncation_bound"] == 0
     # What is kept of a sample: as TECHNIQUES says, and where some surfaces are opaque, z-far and a colour.
-    kept = TECHNIQUES[technique].buffer_bytes(stats["layers_max"], {})
+    kept = TECHNIQUES[technique].buffer_bytes(stats["layers_max"], TECHNIQUES[technique].options())
     opaque_first = 0 if TECHNIQUES[technique].maps else 8 + 16  # maps are of all surfaces
     assert scene.surfaces == "mixed" and stats["buffer_bytes_per_pixel"] == kept + opaque_first
     assert stats["clamped_pixels"] == 0 or technique == "weighted-sum"
     assert {"projection", "binning", technique, "total"} < stats["seconds"].keys()
     assert all(seconds >= 0 for seconds in stats["seconds"].values())
     assert stats["bytes_per_pixel"] == pytest.approx(sum(stats["bytes"].values()) / (64 * 48))
-    json.dumps(stats)
+    json.dumps(dict(stats))
 
 
 def test_fragments_are_the_layers_of_all_pixels(scene):

@@ -14,6 +14,7 @@ from twins import screen as twins
 
 import clpeel
 from clpeel.scene.camera import flat_normal
+from clpeel.stages.projection import matrix_of
 
 CUBE = clpeel.Scene.from_arrays(
     [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], [[0, 1, 2], [5, 6, 7]], color=(255, 0, 0)
@@ -29,7 +30,7 @@ def test_the_matrix_is_the_projection(position, focal, up, angle, orthographic, 
     assume(np.linalg.norm(view) > 1e-3 and np.linalg.norm(np.cross(view, up)) > 1e-2 * np.linalg.norm(view))
     camera = clpeel.Camera(position, focal, up, angle, (0.1, 1000.0), orthographic)
     origin, scale = np.array([1.0, -2.0, 3.0]), 0.5
-    matrix, depth_near, depth_far = camera.projection(origin, scale, (0.1, 1000.0), (640, 480))
+    matrix, depth_near, depth_far = matrix_of(camera, origin, scale, (0.1, 1000.0), (640, 480))
     rows = matrix.astype(np.float64).sum(axis=1)
     x, y, z, w = rows @ [*((np.array(point) - origin) * scale), 1.0]
     exact_x, exact_y, distance = twins.screen(np.array([point]), camera, (640, 480))[0]

@@ -19,7 +19,8 @@ from hypothesis.extra import numpy as hnp
 
 from clpeel.errors import InputError
 from clpeel.reading.load import load
-from clpeel.scene.scene import DEFAULT_COLOR, Positions, Scene
+from clpeel.scene.arrays import DEFAULT_COLOR
+from clpeel.scene.scene import Positions, Scene
 
 trimesh = pytest.importorskip("trimesh")
 

@@ -10,9 +10,10 @@ from twins import screen as twins
 
 import clpeel
 from clpeel.device.devices import open_device
-from clpeel.device.layout import TRIANGLE
+from clpeel.device.records import TRIANGLE
 from clpeel.stages.binning import bin_triangles
-from clpeel.stages.projection import project, upload
+from clpeel.stages.projection import project
+from clpeel.stages.upload import upload
 
 
 def lists(vertices: np.ndarray, size: tuple[int, int], lanes: int, budget: int):

@@ -18,7 +18,7 @@ from twins.soups import AHEAD, BENCH, Eye, Soup
 
 import clpeel
 from clpeel.device.layout import DEPTH_FORMATS
-from clpeel.stages.find_layers import Layers
+from clpeel.pictures.layers import Layers
 from clpeel.techniques import TECHNIQUES
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ Numbers = NDArray[np.float64]
 
 PARALLEL = replace(AHEAD, orthographic=True)
 VIEWS = {"perspective": AHEAD, "parallel": PARALLEL}
-PEELERS = [name for name, technique in TECHNIQUES.items() if "coincident" in technique.options]
-SORTING = [name for name, technique in TECHNIQUES.items() if technique.peeled is not None]
+PEELERS = [name for name, technique in TECHNIQUES.items() if "coincident" in technique.option_names]
+SORTING = [name for name, technique in TECHNIQUES.items() if technique.sorts]
 
 
 def runs(depth_format: str) -> list[tuple[str, int, dict[str, Any]]]:

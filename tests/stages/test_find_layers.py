@@ -21,8 +21,8 @@ from twins.soups import AHEAD, BENCH, Eye
 
 import clpeel
 from clpeel.command import main as cli
-from clpeel.device.devices import Gpu
 from clpeel.device.layout import INSERTED_MAX
+from clpeel.device.workspace import Workspace
 from clpeel.stages.find_layers import TURNS
 from clpeel.techniques import TECHNIQUES
 
@@ -204,9 +204,9 @@ def test_windows_fit_the_memory_and_change_nothing(
         soup = soups.Soup(soup.vertices, soup.faces, vertex_colors=np.repeat(painted, 3, axis=0))
     plenty = clpeel.render(soup.scene(), AHEAD.camera(), size, lanes=lanes, layers=True, memory="256M")
     most, at_first = 0, None
-    allocate = Gpu.buffer
+    allocate = Workspace.buffer
 
-    def watch(gpu: Gpu, name: str, nbytes: int) -> Any:
+    def watch(gpu: Workspace, name: str, nbytes: int) -> Any:
         nonlocal most, at_first
         if name == "pixel_end" and at_first is None:
             at_first = [n for n in TURNS if n in gpu.buffers]
@@ -215,7 +215,7 @@ def test_windows_fit_the_memory_and_change_nothing(
             most = max(most, sum(gpu.buffers[n].size for n in TURNS if n in gpu.buffers))
         return held
 
-    monkeypatch.setattr(Gpu, "buffer", watch)
+    monkeypatch.setattr(Workspace, "buffer", watch)
     tight = clpeel.render(soup.scene(), AHEAD.camera(), size, lanes=lanes, layers=True, memory="1M")
     assert tight.stats["fragments"] == count * size[0] * size[1] > 2**20 / 8, "fits a window"
     assert at_first == ["pairs"], "the picture's buffers have been given back"
@@ -322,8 +322,8 @@ def test_opaque_surfaces_end_the_layers(colors: str, lanes: int, judge: Judge) -
 def test_those_that_do_not_sort_have_no_layers() -> None:
     scene = soups.stack([1.0], (255, 255, 255, 128)).scene()
     for name, technique in TECHNIQUES.items():
-        assert ("layers" in technique.options) == (technique.peeled is not None)
-        if technique.peeled is None:
+        assert ("layers" in technique.option_names) == technique.sorts
+        if not technique.sorts:
             with pytest.raises(clpeel.InputError, match=f"layers: the technique '{name}' has no such option; it has"):
                 clpeel.render(scene, AHEAD.camera(), (4, 4), name, layers=True)
             assert clpeel.render(scene, AHEAD.camera(), (4, 4), name, layers=False).image.shape == (4, 4, 4)

@@ -122,7 +122,7 @@ def test_coincident_with_an_opaque_surface(technique: str, lanes: int) -> None:
     for colors, want in (([glass, wall], [0.5, 0.5, 0, 1]), ([wall, glass], [1, 0, 0, 1])):
         scene = soups.stack([2.0, 2.0], np.array(colors)).scene()
         assert (clpeel.render(scene, **call).color == want).all()
-        if "coincident" in TECHNIQUES[technique].options:
+        if "coincident" in TECHNIQUES[technique].option_names:
             assert (clpeel.render(scene, coincident="paper", **call).color == [1, 0, 0, 1]).all()
 
 

@@ -9,19 +9,22 @@ from hypothesis import strategies as st
 from twins import screen as twins
 
 import clpeel
-from clpeel.device.devices import Gpu, open_device
-from clpeel.device.layout import CLIPPED_FACE, GUARD_BAND, TRIANGLE
-from clpeel.stages.projection import Triangles, project, upload
+from clpeel.device.devices import open_device
+from clpeel.device.layout import CLIPPED_FACE, GUARD_BAND
+from clpeel.device.records import TRIANGLE
+from clpeel.device.workspace import Workspace
+from clpeel.stages.projection import Triangles, project
+from clpeel.stages.upload import upload
 
 SIZE = (200, 120)
 
 
 @pytest.fixture(scope="module")
-def gpu() -> Gpu:
+def gpu() -> Workspace:
     return open_device()
 
 
-def records(gpu: Gpu, triangles: Triangles) -> tuple[np.ndarray, np.ndarray]:
+def records(gpu: Workspace, triangles: Triangles) -> tuple[np.ndarray, np.ndarray]:
     count = triangles.count
     return gpu.get(triangles.records, count, TRIANGLE), gpu.get(triangles.bounds, (count, 4), np.uint16)
 
@@ -30,7 +33,7 @@ def soup(seed: int, count: int, spread: float = 1.0) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-spread, spread, (3 * count, 3))
 
 
-def projected(gpu: Gpu, vertices: np.ndarray, camera: clpeel.Camera, size=SIZE) -> Triangles:
+def projected(gpu: Workspace, vertices: np.ndarray, camera: clpeel.Camera, size=SIZE) -> Triangles:
     scene = clpeel.Scene.from_arrays(vertices, np.arange(len(vertices)).reshape(-1, 3), color=(255, 0, 0, 128))
     return project(gpu, upload(gpu, scene), camera, size, False)
 
@@ -138,7 +141,7 @@ def test_far_plane_cuts(gpu):
 
 
 def test_more_than_can_be_numbered_is_refused(monkeypatch):
-    monkeypatch.setattr("clpeel.stages.projection.MOST_ITEMS", 5)
+    monkeypatch.setattr("clpeel.stages.upload.MOST_ITEMS", 5)
     scene = clpeel.Scene.from_arrays(np.zeros((6, 3)), [[0, 1, 2]], color=(1.0, 0, 0, 0.5))
     with pytest.raises(clpeel.InputError, match="scene: expected at most 5 vertices and triangles, got 6"):
         clpeel.render(scene, clpeel.Camera((0, 0, 4), (0, 0, 0)), (4, 4))

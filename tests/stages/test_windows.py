@@ -10,10 +10,12 @@ from twins import screen as twins
 
 import clpeel
 from clpeel.device.devices import open_device
-from clpeel.device.layout import BLOCK, TILE, TILE_PIXELS, VERTEX
+from clpeel.device.layout import BLOCK, TILE, TILE_PIXELS
+from clpeel.device.records import VERTEX
 from clpeel.errors import InputError
 from clpeel.stages.binning import bin_triangles
-from clpeel.stages.projection import project, upload
+from clpeel.stages.projection import project
+from clpeel.stages.upload import upload
 from clpeel.stages.windows import rasterize
 
 

@@ -27,9 +27,12 @@ from twins.soups import AHEAD, BENCH
 
 import clpeel
 from clpeel.command import main as cli
+from clpeel.pictures.png import STEP
 from clpeel.rendering.renderer import Renderer
-from clpeel.study.comparison import COLUMNS, FIGURES, FLIP_HINT, STEP, Comparison, Row, flip_error, judged
+from clpeel.study.compare import flip_error, judged
+from clpeel.study.comparison import FIGURES, FLIP_HINT, Comparison, Row
 from clpeel.study.page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
+from clpeel.study.tables import COLUMNS
 from clpeel.techniques import TECHNIQUES
 from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, blending_bound
 
@@ -117,7 +120,8 @@ def test_shares_and_means_are_of_pixels_and_channels() -> None:
     color[1, 1] = np.nan
     stats = dict.fromkeys("passes buffer_bytes_per_pixel truncated_pixels truncation_bound clamped_pixels".split(), 1)
     image = np.zeros((2, 4, 4), np.uint8)
-    result = SimpleNamespace(color=color, image=image, stats={**stats, "bytes": {"a": 3, "b": 4}})
+    told = SimpleNamespace(**stats, bytes={"a": 3, "b": 4})
+    result = SimpleNamespace(color=color, image=image, stats=told)
     found = judged(result, right, image, (1.0, 1.0, 1.0), pictures=True)
     assert found["max_error"] == 1 and found["memory_bytes"] == 7
     assert found["share_above_1"] == 4 / 8 and found["share_above_8"] == 3 / 8
@@ -194,7 +198,7 @@ def test_float64_from_the_mesh_on_says_the_same(
 def test_rows_are_the_registry_times_what_was_asked(compared: Comparison) -> None:
     want = []
     for name in PICTURES:
-        options = TECHNIQUES[name].options
+        options = TECHNIQUES[name].option_names
         precisions = dict.fromkeys(["float32", TECHNIQUES[name].paper_precision]) if "precision" in options else [None]
         for precision in precisions:
             want += [(name, precision, budget) for budget in ([None, 1, 2] if "passes" in options else [None])]
@@ -206,7 +210,7 @@ def test_rows_are_the_registry_times_what_was_asked(compared: Comparison) -> Non
 
 def test_precisions_are_asked_for_of_all_that_have_them() -> None:
     rows = clpeel.compare(stack(0.5), AHEAD.camera(), SIZE, precisions=["unorm8", "half"], frames=1).rows
-    has = [name for name in PICTURES if "precision" in TECHNIQUES[name].options]
+    has = [name for name in PICTURES if "precision" in TECHNIQUES[name].option_names]
     assert [(row.technique, row.precision) for row in rows] == [(name, p) for name in has for p in ("half", "unorm8")]
     assert [row.name for row in rows] == [f"{row.technique}, {row.precision}" for row in rows]
 

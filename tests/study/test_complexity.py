@@ -21,9 +21,9 @@ from clpeel.command.terminal import HISTOGRAM_ROWS, format_complexity
 from clpeel.errors import InputError
 from clpeel.pictures.colormap import colors_at
 from clpeel.pictures.scale_bar import ticks
-from clpeel.rendering.costs import COSTS, OPAQUE, Cost
+from clpeel.rendering.costs import ALL_OPAQUE_COST, COSTS, Cost
 from clpeel.study.complexity import Complexity, Need
-from clpeel.techniques import TECHNIQUES, labelled
+from clpeel.techniques import TECHNIQUES
 
 if TYPE_CHECKING:
     from conftest import Judge
@@ -100,7 +100,7 @@ def test_needs_are_what_each_technique_reports(share: float, near: float, lanes:
             technique = TECHNIQUES[need.technique]
             stats = clpeel.render(scene, view(near), size, need.technique, lanes=lanes).stats
             # Those that no query ends make all the passes that they are told, whether they find anything or not.
-            query = "occlusion_query" in technique.options
+            query = "occlusion_query" in technique.option_names
             assert need.passes == stats["passes" if query else "passes_issued"], need.technique
             assert need.bytes_per_pixel == stats["buffer_bytes_per_pixel"], need.technique
             assert need.exact == technique.exact
@@ -114,7 +114,7 @@ def test_passes_of_a_stack_are_what_each_technique_makes(layers: int) -> None:
     scene = soups.stack(np.linspace(1, 7, layers), GLASS).scene()
     for need in clpeel.complexity(scene, AHEAD.camera(), (5, 5)).needs:
         stats = clpeel.render(scene, AHEAD.camera(), (5, 5), need.technique).stats
-        query = "occlusion_query" in TECHNIQUES[need.technique].options
+        query = "occlusion_query" in TECHNIQUES[need.technique].option_names
         assert need.passes == stats["passes" if query else "passes_issued"], need.technique
 
 
@@ -171,12 +171,12 @@ def test_coincident_surfaces_are_all_counted_and_the_first_submitted_is_in_front
 
 def test_little_memory_and_progress_change_nothing(lanes: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Many batches, and reports in between."""
-    import clpeel.stages.one_pass
+    import clpeel.stages.tiles
 
     scene = some_opaque(soups.random(5, 3000, "small"), 0.1, 5).scene()
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (500, 400), "lanes": lanes}
     want = clpeel.complexity(scene, **call)
-    monkeypatch.setattr(clpeel.stages.one_pass, "REPORTED_PAIRS", 500)
+    monkeypatch.setattr(clpeel.stages.tiles, "REPORTED_PAIRS", 500)
     monkeypatch.setattr(clpeel.stages.counting, "TILE_BYTES", 4000)
     told: list[tuple[float, str]] = []
     got = clpeel.complexity(scene, **call, memory="1M", progress=lambda done, text: told.append((done, text)))
@@ -232,11 +232,12 @@ def test_what_stopping_early_leaves_out() -> None:
     """Four of ten layers are peeled: six are not."""
     scene = soups.stack(np.linspace(1, 7, 10), GLASS).scene()
     for need in clpeel.complexity(scene, AHEAD.camera(), (4, 3)).needs:
-        peeled = TECHNIQUES[need.technique].peeled
+        technique = TECHNIQUES[need.technique]
+        peeled = technique.peeled(technique.options())
         if peeled is None:
             assert need.left_out is None
         else:
-            assert need.left_out == max(10 - sum(peeled()), 0) * 12
+            assert need.left_out == max(10 - sum(peeled), 0) * 12
             assert need.left_out == 0 or not need.exact
 
 
@@ -244,9 +245,9 @@ def test_what_stopping_early_leaves_out() -> None:
 
 
 def test_every_technique_has_a_measured_cost() -> None:
-    rows = [labelled(name, each) for name, technique in TECHNIQUES.items() for each in technique.variants]
+    rows = [technique.variant(each) for technique in TECHNIQUES.values() for each in technique.variants()]
     assert COSTS.keys() == set(rows)
-    for cost in (*COSTS.values(), OPAQUE):
+    for cost in (*COSTS.values(), ALL_OPAQUE_COST):
         assert isinstance(cost, Cost) and min(cost.__dict__.values()) >= 0 < max(cost.__dict__.values())
 
 
@@ -261,7 +262,8 @@ def test_estimates_grow_with_what_there_is_to_do(lanes: int) -> None:
 
 
 def test_a_technique_that_was_not_measured_has_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(COSTS, "sort")
+    sort = TECHNIQUES["sort"]
+    monkeypatch.delitem(COSTS, sort.variant(sort.options()))
     found = clpeel.complexity(soups.random(1).scene(), BENCH.camera(), (20, 10))
     assert {need.technique for need in found.needs if need.seconds is None} == {"sort"}
     assert " ? " in format_complexity(found.figures())

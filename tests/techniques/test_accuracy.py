@@ -1,6 +1,6 @@
 """How close exact techniques are to float64: 3 N 2^-24 for N layers, and 8-bit pictures but where it is a near thing.
 
-The truth is float64's blending of the layers that the technique itself found (study.comparison.true_colors); and where
+The truth is float64's blending of the layers that the technique itself found (study.compare.true_colors); and where
 no layer is in doubt, that of the twin, which casts rays and shares nothing with clpeel.
 """
 
@@ -16,8 +16,8 @@ from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH
 
 import clpeel
-from clpeel.study.comparison import true_colors
-from clpeel.techniques import LAYERS, TECHNIQUES
+from clpeel.study.compare import true_colors
+from clpeel.techniques import TECHNIQUES
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
@@ -46,7 +46,7 @@ def over(colors: np.ndarray, dtype: Any) -> np.ndarray:
 @pytest.mark.parametrize("count", [1, 2, 16, 256, 1024, 4096])
 @pytest.mark.parametrize("kind", KINDS)
 def test_within_3_n_roundings(technique: str, count: int, kind: str, lanes: int) -> None:
-    if count == 4096 and lanes != 1 and TECHNIQUES[technique].passes_for(count, {}) > 1000:
+    if count == 4096 and lanes != 1 and TECHNIQUES[technique].passes_for(count, TECHNIQUES[technique].options()) > 1000:
         pytest.skip("one shape is enough: as many passes as that over as many layers")
     colors = layers_of(count, kind)
     order = np.random.default_rng(4).permutation(count)
@@ -90,7 +90,7 @@ def soup(request: pytest.FixtureRequest, bench: Callable[..., soups.Soup]) -> so
 def test_pictures_of_8_bits_are_float64s(technique: str, background: Any, soup: soups.Soup, lanes: int) -> None:
     """At least 99.99 % of the values, and none is off by more than one step."""
     size = (160, 120)
-    result = clpeel.render(soup.scene(), BENCH.camera(), size, technique, background, lanes=lanes, **{LAYERS: True})
+    result = clpeel.render(soup.scene(), BENCH.camera(), size, technique, background, lanes=lanes, layers=True)
     off = np.abs(result.image.astype(int) - reference.image(true_colors(result.layers), background))
     assert off.max() <= 1
     assert (off == 0).mean() >= 0.9999

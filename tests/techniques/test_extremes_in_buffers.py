@@ -49,7 +49,7 @@ from twins.soups import AHEAD, BENCH
 
 import clpeel
 from clpeel.techniques import TECHNIQUES
-from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISION, blending_bound
+from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
 
 if TYPE_CHECKING:
     from conftest import Judge
@@ -57,7 +57,9 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
 single = np.float32
-BLENDING = [name for name, technique in TECHNIQUES.items() if PRECISION in technique.options and not technique.maps]
+BLENDING = [
+    name for name, technique in TECHNIQUES.items() if "precision" in technique.option_names and not technique.maps
+]
 PAPERS = {name: TECHNIQUES[name].paper_precision for name in BLENDING}
 COARSE = [name for name in BLENDING if PAPERS[name] != DEFAULT_PRECISION]
 IN_ORDER = [name for name in COARSE if PAPERS[name] == "unorm8"]
@@ -253,7 +255,7 @@ def test_07_and_08_coincident_layers(technique: str, count: int, lanes: int) -> 
     for layers in (colors, colors[:1].repeat(count, axis=0)):
         result = render(layers, technique, PAPERS[technique], lanes, away=[2.0] * count)
         as_stored(result, technique, PAPERS[technique], layers)
-    if "coincident" in TECHNIQUES[technique].options and lanes == 1:  # the paper's buffers and its comparison
+    if "coincident" in TECHNIQUES[technique].option_names and lanes == 1:  # the paper's buffers and its comparison
         result = render(colors, technique, PAPERS[technique], lanes, away=[2.0] * count, coincident="paper")
         as_stored(result, technique, PAPERS[technique], colors[:1])
 
@@ -265,7 +267,7 @@ def test_09_next_to_each_other(technique: str, lanes: int) -> None:
         as_stored(render(colors, technique, PAPERS[technique], lanes, away=away), technique, PAPERS[technique], colors)
 
 
-@pytest.mark.parametrize("technique", [name for name in COARSE if "passes" in TECHNIQUES[name].options])
+@pytest.mark.parametrize("technique", [name for name in COARSE if "passes" in TECHNIQUES[name].option_names])
 @pytest.mark.parametrize("passes", [1, 3])
 def test_11_more_layers_than_are_peeled(technique: str, passes: int, lanes: int) -> None:
     """What is hidden is at most what still comes through, give or take each blend's rounding; and it is said."""
@@ -516,9 +518,7 @@ def test_26_odd_sizes(technique: str, size: tuple[int, int], lanes: int) -> None
 
 
 @pytest.mark.parametrize(("alpha", "layers"), [(0.9, 3), (0.5, 9), (0.1, 60)])
-@pytest.mark.parametrize(
-    "technique", [name for name in BLENDING if clpeel.techniques.MAX_ERROR in TECHNIQUES[name].options]
-)
+@pytest.mark.parametrize("technique", [name for name in BLENDING if "max_error" in TECHNIQUES[name].option_names])
 def test_bounds_after_so_many_layers_nothing_is_seen(technique: str, alpha: float, layers: int, lanes: int) -> None:
     """After k layers the rest changes less than half a step of 8 bits, in float32."""
     count = 200

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
-BLENDING = [name for name, technique in TECHNIQUES.items() if "variant" not in technique.options]
+BLENDING = [name for name, technique in TECHNIQUES.items() if "variant" not in technique.option_names]
 EXACT = [name for name in BLENDING if TECHNIQUES[name].exact]
 PEELS = 4  # of glowscript
 
@@ -63,7 +63,7 @@ def test_07_the_same_triangle_k_times(technique: str, count: int, lanes: int) ->
     got = render(soup, technique, lanes).color
     want = closed_form(technique, np.tile(rgba, (count, 1)))
     assert np.abs(got - want).max() <= bound(technique, count, want)
-    if "coincident" in TECHNIQUES[technique].options:
+    if "coincident" in TECHNIQUES[technique].option_names:
         paper = render(soup, technique, lanes, coincident="paper").color
         one = np.float32(1)
         assert (paper[..., :3] == np.float32(rgba[:3]) * np.float32(rgba[3])).all()

@@ -116,12 +116,12 @@ def test_limit_counts_bytes() -> None:
 def test_exactness_goes_through_the_registry(monkeypatch: pytest.MonkeyPatch) -> None:
     from clpeel import techniques
 
-    sort = SimpleNamespace(exact=True, passes=1, maps=())
-    cheap = SimpleNamespace(exact=False, passes=1, maps=())
+    sort = SimpleNamespace(exact=True, least_passes=1, maps=())
+    cheap = SimpleNamespace(exact=False, least_passes=1, maps=())
     monkeypatch.setattr(techniques, "TECHNIQUES", {"sort": sort})
     with pytest.raises(Skipped, match="weighted-sum"):
         figures.exactness(Stub(scenes={"boxes": ["boxes"]}))
-    slow = SimpleNamespace(exact=False, passes=9, maps=())
+    slow = SimpleNamespace(exact=False, least_passes=9, maps=())
     monkeypatch.setattr(techniques, "TECHNIQUES", {"sort": sort, "weighted-sum": cheap, "slow": slow})
     timed = [[{"median_s": 3.0}], [{"median_s": 2.0}]]
     stub = Stub(

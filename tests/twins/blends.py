@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.stages.find_layers import Layers
+from clpeel.pictures.layers import Layers
 
 Floats = NDArray[np.float32]
 F = np.float32

@@ -139,7 +139,7 @@ def exactness(bench: Bench) -> Values:
     cheap = [
         name
         for name, technique in TECHNIQUES.items()
-        if not (technique.exact or technique.maps) and technique.passes == 1
+        if not (technique.exact or technique.maps) and technique.least_passes == 1
     ]
     if not cheap:
         raise Skipped(f"no inexact technique of one pass is registered, such as {CHEAP}; only {', '.join(TECHNIQUES)}")
@@ -196,7 +196,10 @@ def auto(bench: Bench) -> Values:
     from clpeel.techniques import TECHNIQUES
 
     choices = [
-        (name, variant) for name, technique in TECHNIQUES.items() if technique.exact for variant in technique.variants
+        (name, dict(variant.given()))
+        for name, technique in TECHNIQUES.items()
+        if technique.exact
+        for variant in technique.variants()
     ]
     heads = [
         f"M = {variant.get('layers_per_pass', 8)}" if name == "multi-layer-peeling" else name

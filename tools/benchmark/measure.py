@@ -73,7 +73,7 @@ def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> di
             spent = time.perf_counter() - started
             if frame:
                 seconds[place].append(spent)
-                stats[place].append(result.stats)
+                stats[place].append(dict(result.stats))
     if out is not None and result is not None:
         np.save(out, result.image)
     found = []

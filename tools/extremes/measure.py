@@ -17,10 +17,10 @@ from benchmark.runs import SHARED, TOOLS
 from numpy.typing import NDArray
 
 import clpeel
-from clpeel.device.layout import DEPTH_FORMATS
-from clpeel.study.comparison import true_colors
+from clpeel.device.layout import DEPTH_FORMATS, DepthFormat
+from clpeel.study.compare import true_colors
 from clpeel.techniques import TECHNIQUES
-from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISION
+from clpeel.techniques.precision import DEFAULT_PRECISION, PrecisionName
 
 Floats = NDArray[np.float64]
 Points = dict[float, float]
@@ -38,14 +38,14 @@ MOST = {"depth-peeling": 4096, "dual-depth-peeling": 4096, "multi-layer-peeling"
 """Layers that a technique goes through in sane time: its passes go over all of them, so that it takes N^2 steps."""
 
 
-def own_precisions(name: str) -> list[str]:
+def own_precisions(name: str) -> list[PrecisionName]:
     """Float32 and that of the technique's paper."""
     return list(dict.fromkeys((DEFAULT_PRECISION, TECHNIQUES[name].paper_precision)))
 
 
 def blending() -> list[str]:
     """The techniques that blend layers of one pixel to a colour, and make no map."""
-    return [name for name, made in TECHNIQUES.items() if PRECISION in made.options and not made.maps]
+    return [name for name, made in TECHNIQUES.items() if "precision" in made.option_names and not made.maps]
 
 
 def series_name(technique: str, precision: str) -> str:
@@ -114,7 +114,7 @@ def own_truth(technique: str, colors: Floats) -> Floats:
     return np.append((alpha * clear[:-1]) @ rgb, 1 - clear[-1])
 
 
-def error_of(technique: str, precision: str, colors: Floats, device: str | None = None) -> float:
+def error_of(technique: str, precision: PrecisionName, colors: Floats, device: str | None = None) -> float:
     """The greatest error of a channel, alpha too, as a share of the greatest number where that is above 1."""
     away = np.linspace(1, 7, len(colors))
     result = clpeel.render(
@@ -191,7 +191,7 @@ SLANT = 0.05
 """How their distance varies from one side of the picture to the other, so that pixels differ in how depths round."""
 
 
-def tells_apart(separation: float, far: float, depth_format: str, device: str | None = None) -> bool:
+def tells_apart(separation: float, far: float, depth_format: DepthFormat, device: str | None = None) -> bool:
     """Whether the nearer of two parallel surfaces is in front everywhere, though it is submitted last."""
     distance = SHARE * far
     corners = []
@@ -208,7 +208,7 @@ def tells_apart(separation: float, far: float, depth_format: str, device: str | 
     return bool((result.color[..., 1] == 0.5).all())
 
 
-def least_separation(far: float, depth_format: str, device: str | None = None, steps: int = 24) -> float:
+def least_separation(far: float, depth_format: DepthFormat, device: str | None = None, steps: int = 24) -> float:
     """The least that tells them apart, as a share of their distance, by bisection; infinite where nothing does."""
     low, high = 2.0**-40, 0.2
     if not tells_apart(high, far, depth_format, device):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import clpeel
-from clpeel.scene.color import parse_color
-from clpeel.scene.scene import checked_background, checked_color, checked_rgb
+from clpeel.checks import checked_background, checked_rgb
+from clpeel.color import parse_color
+from clpeel.scene.arrays import checked_color
 
 TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
 

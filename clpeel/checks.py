@@ -1,0 +1,132 @@
+"""Checks: what a user gives, as the value that the code works with, or an InputError of one line.
+
+Everything here can be imported without NumPy, so that the command's help and its errors come at once.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+
+from clpeel.color import parse_color
+from clpeel.errors import InputError
+
+MAX_SIDE = 1 << 16
+"""The most pixels on a side of a picture; half of it lies inside the rasterizer's guard band."""
+
+AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+"""The axes by their letters."""
+
+MIN_MEMORY = 1 << 20
+"""The fewest bytes that a render may be given, and that fragments get however little of a budget is left."""
+
+Rgb = tuple[float, float, float]
+
+
+def one_of(name: str, value: object, known: Iterable[object]) -> None:
+    """Raises InputError where value is not one of the known ones."""
+    known = tuple(known)
+    try:
+        found = value in known
+    except ValueError:  # an array is equal to nothing as a whole
+        found = False
+    if not found:
+        raise InputError(f"{name}: expected one of {', '.join(map(str, known))}; got {value!r}")
+
+
+def number(value: object) -> float:
+    """The value as a float, and NaN where it is none."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def whole_number(name: str, value: object, most: int, least: int = 1) -> int:
+    """The value as a whole number least..most, or InputError."""
+    try:
+        whole = int(value)  # type: ignore[call-overload]
+    except (TypeError, ValueError, OverflowError):
+        whole = least - 1
+    if whole != value or not least <= whole <= most:
+        raise InputError(f"{name}: expected {least}..{most}, got {value!r}")
+    return int(whole)
+
+
+def true_or_false(name: str, value: object, hint: str = "") -> bool:
+    """The value as a bool, or InputError. hint: what else may have been meant."""
+    if type(value).__name__ not in ("bool", "bool_") and value not in (0, 1):
+        raise InputError(f"{name}: expected True or False, got {value!r}{hint}")
+    return bool(value)
+
+
+def share(name: str, value: object) -> float:
+    """The value as a float 0..1, or InputError."""
+    found = number(value)
+    if not 0 <= found <= 1:
+        raise InputError(f"{name}: expected 0..1, got {value!r}")
+    return found
+
+
+def not_negative(name: str, value: object, what: str) -> float:
+    """The value as a finite float of 0 or more, or InputError. what: the number that is expected, in words."""
+    found = number(value)
+    if not 0 <= found < math.inf:
+        raise InputError(f"{name}: expected {what}, got {value!r}")
+    return found
+
+
+def number_range(name: str, value: object) -> tuple[float, float]:
+    """The value as (low, high) with 0 <= low < high, or InputError."""
+    try:
+        low, high = (float(part) for part in value)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected (low, high), got {value!r}") from None
+    if not 0 <= low < high < math.inf:
+        raise InputError(f"{name}: expected 0 <= low < high, got {low:g}, {high:g}")
+    return low, high
+
+
+def checked_rgb(name: str, value: object, or_none: str = "") -> Rgb:
+    """The value, numbers or text such as "red", as three numbers 0..1, or InputError. or_none: what else it may be."""
+    numbers: object = value
+    if isinstance(value, str):
+        try:
+            numbers = parse_color(value)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+    try:
+        red, green, blue = (float(part) for part in numbers)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected 3 numbers 0..1{or_none}, got {value!r}") from None
+    if not all(0 <= part <= 1 for part in (red, green, blue)):
+        raise InputError(f"{name}: expected 3 numbers 0..1, got {value!r}")
+    return red, green, blue
+
+
+def checked_background(background: Sequence[float] | str | None) -> Rgb | None:
+    """Three numbers 0..1, of text such as "white" too, or None; or InputError."""
+    return None if background is None else checked_rgb("background", background, " or None")
+
+
+def checked_size(size: Sequence[int]) -> tuple[int, int]:
+    """(width, height), each 1..MAX_SIDE, or InputError."""
+    try:
+        width, height = (int(side) if int(side) == side else -1 for side in size)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"size: expected (width, height) in pixels, got {size!r}") from None
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise InputError(f"size: expected 1..{MAX_SIDE} pixels a side, got {size[0]} x {size[1]}")
+    return width, height
+
+
+def parse_memory(memory: int | str) -> int:
+    """Bytes from a number or from text such as "512M" or "2G" (powers of 1024), or InputError."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", str(memory), re.IGNORECASE)
+    if not match:
+        raise InputError(f"memory: expected bytes or a size such as 512M, got {memory!r}")
+    nbytes = int(float(match[1]) * 1024 ** " KMGT".index(match[2].upper() or " "))
+    if nbytes < MIN_MEMORY:
+        raise InputError(f"memory: expected at least 1M, got {memory!r}")
+    return nbytes

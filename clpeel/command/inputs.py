@@ -1,0 +1,98 @@
+"""Inputs: the scene that the command's options name, and the camera that they ask for."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from clpeel.checks import AXES
+from clpeel.command.values import Vector
+
+if TYPE_CHECKING:
+    from clpeel.scene.camera import Camera
+    from clpeel.scene.scene import Scene
+
+T = TypeVar("T")
+
+
+def _view_up(options: argparse.Namespace, view: Sequence[float]) -> Vector:
+    """`--camera-view-up`, else `--up`; where neither was given and the camera looks along it, a side that is not."""
+    up: Vector = options.camera_view_up or options.up or AXES["Y"]
+    if options.camera_view_up or options.up:
+        return up
+    x, y, z = view
+    if max(abs(x), abs(z)) > 1e-6 * abs(y):
+        return up
+    return (0.0, 0.0, -1.0) if y < 0 else (0.0, 0.0, 1.0)
+
+
+def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
+    """The camera that the options ask for: position and focal point, or all in view, then azimuth, elevation, zoom."""
+    from dataclasses import replace
+
+    from clpeel.scene.camera import Camera
+
+    width, height = options.resolution
+    orthographic = options.camera_orthographic
+    if options.camera_position:
+        low, high = scene.bounds
+        focal_point = options.camera_focal_point or tuple(float(value) for value in low / 2 + high / 2)
+        view: Sequence[float] = [to - at for at, to in zip(options.camera_position, focal_point, strict=True)]
+        camera = Camera(
+            options.camera_position,
+            focal_point,
+            _view_up(options, view),
+            options.camera_view_angle,
+            orthographic=orthographic,
+        )
+    else:
+        direction = options.camera_direction
+        camera = Camera.frame(
+            scene,
+            direction,
+            _view_up(options, direction) if direction else options.up or AXES["Y"],
+            options.camera_view_angle,
+            aspect=width / height,
+            orthographic=orthographic,
+        )
+        if options.camera_view_up:
+            camera = replace(camera, view_up=options.camera_view_up)
+        if options.camera_focal_point:
+            x, y, z = (
+                float(point + at - to)
+                for point, at, to in zip(options.camera_focal_point, camera.position, camera.focal_point, strict=True)
+            )
+            camera = replace(camera, position=(x, y, z), focal_point=options.camera_focal_point)
+    if options.clipping_range:
+        camera = replace(camera, clipping_range=options.clipping_range)
+    if options.camera_azimuth_angle:
+        camera = camera.azimuth(options.camera_azimuth_angle)
+    if options.camera_elevation_angle:
+        camera = camera.elevation(options.camera_elevation_angle)
+    if options.camera_zoom_factor:
+        camera = camera.zoom(options.camera_zoom_factor)
+    return camera
+
+
+def load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
+    """What reads the files named, and what to call them."""
+
+    def load() -> Scene:
+        import clpeel
+
+        extra = {"drop_duplicates": True} if options.drop_duplicates else {}
+        opacities, colors = options.opacity or [None], options.color or [None]
+        if len(opacities) == len(colors) == 1:
+            return clpeel.load(*options.files, opacity=opacities[0], color=colors[0], **extra)
+        count = len(options.files)
+        each = zip(options.files, _for_each(opacities, count), _for_each(colors, count), strict=True)
+        return clpeel.load(*(clpeel.load(file, opacity=opacity, color=color) for file, opacity, color in each), **extra)
+
+    return load, ", ".join(os.path.basename(name) for name in options.files)
+
+
+def _for_each(given: list[T], count: int) -> list[T]:
+    """What was given once for all files, for each; what was given for each as it is."""
+    return given * count if len(given) == 1 else given

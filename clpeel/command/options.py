@@ -1,0 +1,216 @@
+"""Options: the flags of each command. Those of pictures and techniques are made of the fields of their classes."""
+
+from __future__ import annotations
+
+import argparse
+
+from clpeel.command import values
+from clpeel.options import Option, options_of
+from clpeel.rendering.options import PictureOptions
+from clpeel.techniques import TECHNIQUES, AutoOptions
+
+PICTURE = {each.name: each for each in options_of(PictureOptions)}
+"""The options of all pictures, by name."""
+
+
+def add_files(parser: argparse.ArgumentParser, done: str) -> None:
+    """What all commands that read files read."""
+    group = parser.add_argument_group("files")
+    group.add_argument("files", nargs="+", metavar="FILE", help=f"mesh file; several are {done} together")
+    text = "leave out faces whose corners are those of an earlier face"
+    group.add_argument("--drop-duplicates", action="store_true", help=text)
+
+
+def _add_output(group: argparse._ArgumentGroup, output: str, metavar: str, text: str) -> None:
+    group.add_argument("--output", "-o", default=output, metavar=metavar, help=f"{text} (default: {output})")
+
+
+def add_picture_options(parser: argparse.ArgumentParser, output: str, resolution: str, samples: int) -> None:
+    """The options that `render` and `demo` share."""
+    group = parser.add_argument_group("picture")
+    _add_output(group, output, "OUT.png", "PNG file to write, or - for standard output")
+    _add_view_options(parser, group, resolution, samples)
+
+
+def add_layers_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `layers`: those of `render`, and how a layer is shown."""
+    group = parser.add_argument_group("pictures")
+    _add_output(group, "layers", "DIR", "folder for layer-01.png, layer-02.png, ... and layers.npz")
+    group.add_argument(
+        "--keep-alpha",
+        action="store_true",
+        help="show each layer with its own alpha (default: opaque, as papers do: alone, a thin layer is hard to see)",
+    )
+    _add_view_options(parser, group, "1024,1024", samples=1)
+
+
+def _add_view_options(
+    parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int
+) -> None:
+    """What all commands that render one picture share; `group` gets those of the picture."""
+    _add_scene_options(group, resolution)
+    group.add_argument("--no-background", action="store_true", help="write a transparent background (straight alpha)")
+    _add_camera_options(parser)
+    _add_method_options(parser, samples)
+    group = parser.add_argument_group("messages")
+    group.add_argument(
+        "--stats", metavar="FILE.json", help="print times, passes, fragments and bytes, or write them to a file"
+    )
+    _add_messages_options(group)
+
+
+def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
+    """How large the picture is, and what it is of."""
+    add = group.add_argument
+    add(
+        "--resolution",
+        type=values.resolution,
+        default=resolution,
+        metavar="W,H",
+        help=f"width and height in pixels (default: {resolution})",
+    )
+    add(
+        "--background-color",
+        type=values.color,
+        default=(1.0, 1.0, 1.0),
+        metavar="COLOR",
+        help="R,G,B in 0..1, #rrggbb or a name (default: white)",
+    )
+    text = "{} of every surface, in place of the file's; once for all files, or once for each, in order"
+    add("--opacity", action="append", type=values.opacity, metavar="0..1", help=text.format("opacity"))
+    add("--color", action="append", type=values.surface_color, metavar="COLOR", help=text.format("colour"))
+    add("--unlit", action="store_true", help="the colours as given (default: a light at the camera)")
+
+
+def _add_camera_options(parser: argparse.ArgumentParser) -> None:
+    """Where all commands that look at a scene look from."""
+    group = parser.add_argument_group("camera")
+    add = group.add_argument
+    add("--camera-position", type=values.vector, metavar="X,Y,Z", help="where the camera stands (default: all in view)")
+    add(
+        "--camera-focal-point",
+        type=values.vector,
+        metavar="X,Y,Z",
+        help="what it looks at (default: the centre)",
+    )
+    add("--camera-view-up", type=values.direction, metavar="X,Y,Z", help="what is up in the picture (default: --up)")
+    add("--camera-view-angle", type=values.number, default=30.0, metavar="DEGREES", help="vertical (default: 30)")
+    add(
+        "--camera-direction",
+        type=values.direction,
+        metavar="X,Y,Z",
+        help="where it looks, also as an axis: +X, -Z (default: -Z; a flat scene at its face)",
+    )
+    add("--camera-azimuth-angle", type=values.number, default=0.0, metavar="DEGREES", help="then turn about the up")
+    add("--camera-elevation-angle", type=values.number, default=0.0, metavar="DEGREES", help="then rise")
+    add("--camera-zoom-factor", type=values.positive, metavar="FACTOR", help="last, above 1 shows less, larger")
+    add("--camera-orthographic", action="store_true", help="parallel projection")
+    add("--up", type=values.direction, metavar="AXIS", help="the scene's up, an axis or X,Y,Z (default: +Y)")
+    add(
+        "--clipping-range",
+        type=values.clipping_range,
+        metavar="NEAR,FAR",
+        help="distances to draw (default: all)",
+    )
+
+
+def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
+    """How all commands that render do it, and what they say."""
+    group = parser.add_argument_group("method")
+    text = "default: sort, exact; auto: what this picture needs; 'clpeel techniques' lists them"
+    group.add_argument("--technique", default="sort", metavar="NAME", help=text)
+    text = "with auto: what it chose, why, and what others would have cost"
+    group.add_argument("--explain", action="store_true", help=text)
+    for each in (*technique_options().values(), PICTURE["opaque"], PICTURE["depth_format"]):
+        add_option(group, each)
+    text = "write the map of techniques that make one, as an array of NumPy: a row for each row of pixels"
+    group.add_argument("--map", metavar="FILE.npy", help=text)
+    add_option(group, PICTURE["samples"], samples)
+    _add_device_options(group)
+
+
+def technique_options() -> dict[str, Option]:
+    """The options that some techniques have besides those of all pictures, by name: what they are passed as."""
+    found: dict[str, Option] = {}
+    for each in (*(technique.options for technique in TECHNIQUES.values()), AutoOptions):
+        for own in options_of(each):
+            found.setdefault(own.name, own)
+    return found
+
+
+def add_option(group: argparse._ArgumentGroup, each: Option, default: object = None) -> None:
+    """The flag of an option. What is not given is None, so that the technique's own default holds."""
+    if each.kind is None:
+        group.add_argument(
+            each.flag, dest=each.name, action="store_const", const=each.default is False, help=each.flag_help
+        )
+        return
+    text = each.flag_help if default is None else f"{each.flag_help} (default: {default})"
+    read = values.for_argparse(each.kind.parse)
+    group.add_argument(each.flag, dest=each.name, type=read, default=default, metavar=each.kind.metavar, help=text)
+
+
+def _add_device_options(group: argparse._ArgumentGroup) -> None:
+    """What all commands that compute compute on."""
+    add = group.add_argument
+    add_option(group, PICTURE["memory"])
+    add("--device", metavar="DEVICE", help="number, or part of a name, as 'clpeel devices' shows them")
+    add(
+        "--lanes",
+        type=values.count,
+        metavar="N",
+        help="work-items a tile: 1, 16, 32, 64 or 128 (default: 1 on a CPU, else 64)",
+    )
+
+
+def _add_messages_options(group: argparse._ArgumentGroup) -> None:
+    """What all commands that compute say."""
+    add = group.add_argument
+    add("--no-progress", action="store_true", help="no progress bar (it shows on a terminal, on long work)")
+    add("--quiet", action="store_true", help="print errors only")
+    add("--verbose", action="store_true", help="say what is done; on an error, show the whole trace")
+
+
+def add_complexity_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `complexity`: those of `render` that a count knows."""
+    group = parser.add_argument_group("picture")
+    _add_output(group, "complexity.png", "OUT.png", "PNG file of the heat map, or - for standard output")
+    group.add_argument("--json", metavar="FILE", help="write the figures, too")
+    group.add_argument("--no-scale-bar", action="store_true", help="no scale bar in the heat map")
+    _add_scene_options(group, "1024,1024")
+    group.add_argument("--no-background", action="store_true", help="write a transparent background (straight alpha)")
+    _add_camera_options(parser)
+    group = parser.add_argument_group("method")
+    text = "count what is in front of opaque surfaces alone (default), or all"
+    group.add_argument("--opaque", metavar="first|blend", default="first", help=text)
+    _add_device_options(group)
+    _add_messages_options(parser.add_argument_group("messages"))
+
+
+def add_compare_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `compare`: the scene, the camera and the device as of `render`, and what is compared."""
+    group = parser.add_argument_group("comparison")
+    add = group.add_argument
+    add("--techniques", type=values.names, metavar="NAME,...", help="only these (default: all that make this picture)")
+    text = "of colour buffers: float32, half, unorm8 (default: float32 and that of the technique's paper)"
+    add("--precisions", type=values.names, metavar="NAME,...", help=text)
+    add(
+        "--budgets",
+        type=values.counts,
+        default=(),
+        metavar="N,...",
+        help="passes to stop after, of those that peel, such as 1,2,4 (default: none, beside no limit)",
+    )
+    add("--frames", type=values.count, default=5, metavar="N", help="timed of each, after one that is not (default: 5)")
+    group = parser.add_argument_group("output, besides the table on standard output")
+    add = group.add_argument
+    add("--json", metavar="FILE", help="write all figures, and each frame's time, or - for standard output")
+    add("--csv", metavar="FILE", help="write a line of figures for each row")
+    add("--html", metavar="FILE", help="write a page with the pictures, maps of errors, and time against error")
+    group = parser.add_argument_group("picture")
+    _add_scene_options(group, "1024,1024")
+    _add_camera_options(parser)
+    group = parser.add_argument_group("method")
+    add_option(group, PICTURE["opaque"])
+    _add_device_options(group)
+    _add_messages_options(parser.add_argument_group("messages"))

@@ -1,0 +1,221 @@
+"""`clpeel render`, `layers` and `demo`: load, render, write."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from clpeel.command.inputs import load_files, make_camera
+from clpeel.command.options import technique_options
+from clpeel.command.outputs import (
+    LAYER_FILES,
+    check_apart,
+    check_map,
+    check_picture,
+    check_writable,
+    plain,
+    write,
+    write_layers,
+)
+from clpeel.command.streams import check_standard_output, print_text, quiet_libraries, say, say_notes
+from clpeel.command.terminal import Progress, format_stats
+from clpeel.errors import InputError
+from clpeel.files import checked_folder
+
+if TYPE_CHECKING:
+    from clpeel.rendering.result import Result
+    from clpeel.scene.scene import Scene
+
+
+def run_render(options: argparse.Namespace) -> int:
+    return _render(options, *load_files(options))
+
+
+def run_layers(options: argparse.Namespace) -> int:
+    return _render(options, *load_files(options), layers=True)
+
+
+def run_demo(options: argparse.Namespace) -> int:
+    def load() -> Scene:
+        from clpeel.scene.demo import demo_scene
+
+        scene = demo_scene()
+        if options.opacity is None and options.color is None:
+            return scene
+        import clpeel
+
+        (opacity,), (color,) = options.opacity or [None], options.color or [None]
+        return clpeel.load(scene, opacity=opacity, color=color)
+
+    from clpeel.scene.demo import DIRECTION, ZOOM
+
+    if not (options.camera_position or options.camera_direction or options.up):
+        options.camera_direction = DIRECTION
+        options.camera_zoom_factor = options.camera_zoom_factor or ZOOM
+    return _render(options, load, "the demo")
+
+
+def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, layers: bool = False) -> int:
+    """Load, render, write. Nothing slow is begun before what was asked is known to be possible.
+
+    layers: writes the layers into a folder, not the picture into a file.
+    """
+    if not options.verbose:
+        quiet_libraries()
+    outputs = _outputs(options, layers)
+    _check_request(options, layers)
+    started = time.perf_counter()
+    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    progress(0.0, f"reading {name}")
+    try:
+        scene = load()
+    finally:
+        progress.clear()
+    loaded = time.perf_counter()
+    _say_what_was_read(options, scene, name, loaded - started, layers)
+    try:
+        progress(0.0, "rendering")
+        result = _result(options, scene, layers, progress)
+        rendered = time.perf_counter()
+        progress(1.0, "writing")
+        wrote = _write_result(options, outputs, result, layers, progress)
+    finally:
+        progress.clear()
+    written = time.perf_counter()
+
+    seconds = {"load": loaded - started, **result.stats.seconds, "save": written - rendered}
+    stats = {**result.stats, "seconds": seconds}
+    if not options.quiet:
+        say_notes(note for note in result.stats.notes if note not in scene.notes)
+        _warn(options, stats)
+    if options.explain:
+        print_text("\n".join(stats["auto"]["explanation"]), aside=outputs.picture == "-")
+    if outputs.stats == "-":
+        print_text(format_stats(stats), aside=outputs.picture == "-")
+    elif outputs.stats is not None:
+        import json
+
+        write(outputs.stats, (json.dumps(stats, indent=2, default=plain) + "\n").encode())
+    if not options.quiet and outputs.picture != "-":
+        width, height = options.resolution
+        say(f"wrote {wrote} ({width} x {height}, {len(scene.faces):,} triangles, {written - started:.2f} s)")
+    return 0
+
+
+@dataclass(frozen=True)
+class _Outputs:
+    """Where everything goes: names of files, `-` for standard output, None for what is not asked for."""
+
+    picture: str
+    stats: str | None
+    map: str | None
+
+
+def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
+    """Where everything goes, or InputError or OSError where it cannot go there."""
+    if layers and options.output == "-":
+        raise InputError("--output: expected a folder, got '-'")
+    output = checked_folder(options.output, "--output") if layers else check_picture(options.output)
+    stats = None if options.stats is None else check_writable(options.stats, "--stats")
+    if options.explain:
+        check_standard_output()
+
+    from clpeel.techniques import AUTO, technique
+
+    if options.explain and options.technique != AUTO:
+        raise InputError(f"--explain: expected --technique auto, whose choice it explains, got '{options.technique}'")
+    maps = () if options.technique == AUTO else technique(options.technique).maps
+    found = _Outputs(output, stats, None if options.map is None else check_map(options.map, maps))
+    if layers and stats and os.path.dirname(stats) == output and re.fullmatch(LAYER_FILES, os.path.basename(stats)):
+        raise InputError(f"--stats: expected a file of its own, got '{options.stats}', which is that of a layer")
+    check_apart({"--output": output, "--stats": stats, "--map": found.map}, getattr(options, "files", ()))
+    return found
+
+
+def _given(options: argparse.Namespace, layers: bool) -> dict[str, Any]:
+    """The options of `clpeel.render` that were given, but those of the camera and the device."""
+    names = (*technique_options(), "opaque", "depth_format", "samples", "memory")
+    given = {name: value for name in names if (value := getattr(options, name)) is not None}
+    return {
+        **given,
+        "size": options.resolution,
+        "background": None if options.no_background else options.background_color,
+        "lighting": "none" if options.unlit else "headlight",
+        "keep_color": False,
+        **({"layers": True} if layers else {}),
+    }
+
+
+def _check_request(options: argparse.Namespace, layers: bool) -> None:
+    """Raises InputError where the options are wrong, and NoDeviceError where there is no such device."""
+    from clpeel.device.devices import find_device
+    from clpeel.rendering.request import checked_options
+
+    checked_options(options.technique, _given(options, layers))
+    find_device(options.device)
+
+
+def _say_what_was_read(options: argparse.Namespace, scene: Scene, name: str, seconds: float, layers: bool) -> None:
+    if not options.quiet:
+        say_notes(scene.notes)
+        if layers and scene.surfaces == "opaque" and options.opaque in (None, "first"):
+            say("note: all is opaque, so there is one layer; --opacity 0.5 or --opaque blend peels what lies behind it")
+    if options.verbose:
+        say(f"{name}: {len(scene.faces):,} triangles, read in {seconds:.2f} s")
+
+
+def _result(options: argparse.Namespace, scene: Scene, layers: bool, progress: Progress) -> Result:
+    """The picture."""
+    import clpeel
+
+    camera = make_camera(options, scene)
+    if options.verbose:
+        say(f"{camera}")
+    return clpeel.render(
+        scene,
+        camera,
+        technique=options.technique,
+        device=options.device,
+        lanes=options.lanes,
+        progress=progress if progress.enabled else None,
+        **_given(options, layers),
+    )
+
+
+def _write_result(
+    options: argparse.Namespace, outputs: _Outputs, result: Result, layers: bool, progress: Progress
+) -> str:
+    """Writes the picture or the layers, and the map. Returns what was written."""
+    from clpeel.pictures.png import encode_map, encode_png
+    from clpeel.techniques import technique
+
+    wrote: str = options.output
+    if layers:
+        wrote = write_layers(outputs.picture, result.layers, options, progress)
+    else:
+        write(outputs.picture, encode_png(result.image))
+    if outputs.map is not None:
+        write(outputs.map, encode_map(result.map(technique(options.technique).maps[0])))
+    return wrote
+
+
+def _warn(options: argparse.Namespace, stats: dict[str, Any]) -> None:
+    """Say what the picture could not show."""
+    if stats.get("discarded"):
+        say(f"note: {stats['discarded']:,} triangles with NaN or infinite vertices were left out")
+    if stats.get("unpaired_pixels"):
+        say(
+            f"note: {stats['unpaired_pixels']:,} pixels have crossings that do not pair up: "
+            "the mesh is not watertight there, or is clipped"
+        )
+    if stats.get("truncated_pixels") and options.max_error is None and "auto" not in stats:
+        unit = "samples" if stats["samples"] > 1 else "pixels"
+        say(
+            f"note: {stats['truncated_pixels']:,} {unit} have more layers than the passes peeled; "
+            f"those change no channel by more than {stats['truncation_bound']:.3g} of 1"
+        )

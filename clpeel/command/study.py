@@ -1,0 +1,138 @@
+"""`clpeel compare` and `clpeel complexity`: load, measure, print and write."""
+
+from __future__ import annotations
+
+import argparse
+
+from clpeel.checks import parse_memory
+from clpeel.command.inputs import load_files, make_camera
+from clpeel.command.outputs import check_apart, check_picture, check_writable, write
+from clpeel.command.streams import check_standard_output, print_text, quiet_libraries, say, say_notes
+from clpeel.command.terminal import Progress
+from clpeel.errors import InputError
+
+EXIT_INTERRUPTED = 130
+
+
+def run_compare(options: argparse.Namespace) -> int:
+    """Load, compare, print and write; interrupted, what is finished."""
+    if not options.verbose:
+        quiet_libraries()
+    files = {name: path for name in ("json", "csv", "html") if (path := getattr(options, name)) is not None}
+    if list(files.values()).count("-") > 1:
+        raise InputError("-: expected one of --json, --csv and --html on standard output, got several")
+    files = {name: check_writable(path, f"--{name}") for name, path in files.items()}
+    check_apart({f"--{name}": path for name, path in files.items()}, options.files)
+    if "-" not in files.values() and not (options.quiet and files):
+        check_standard_output()  # for the table
+
+    import clpeel
+    from clpeel.device.devices import find_device
+    from clpeel.study.compare import check_choice
+
+    check_choice(options.techniques, options.precisions)
+    if options.memory is not None:
+        parse_memory(options.memory)
+    find_device(options.device)
+
+    load, name = load_files(options)
+    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    progress(0.0, f"reading {name}")
+    code = 0
+    try:
+        scene = load()
+        progress.clear()
+        if not options.quiet:
+            say_notes(scene.notes)
+        progress(0.0, "comparing")
+        comparison = clpeel.compare(
+            scene,
+            make_camera(options, scene),
+            size=options.resolution,
+            techniques=options.techniques,
+            precisions=options.precisions,
+            budgets=options.budgets,
+            frames=options.frames,
+            background=options.background_color,
+            lighting="none" if options.unlit else "headlight",
+            opaque=options.opaque or "first",
+            memory=options.memory,
+            device=options.device,
+            lanes=options.lanes,
+            pictures="html" in files,
+            progress=progress if progress.enabled else None,
+        )
+    except clpeel.Interrupted as interrupted:
+        comparison, code = interrupted.comparison, EXIT_INTERRUPTED
+    finally:
+        progress.clear()
+    if not options.quiet or not files:
+        print_text(comparison.table(), aside="-" in files.values())
+    for kind, path in files.items():
+        text = comparison.to_html(name) if kind == "html" else getattr(comparison, f"to_{kind}")()
+        write(path, text.encode())
+        if not options.quiet and path != "-":
+            say(f"wrote {getattr(options, kind)}")
+    if code:
+        say("interrupted")
+    return code
+
+
+def run_complexity(options: argparse.Namespace) -> int:
+    """Load, count, write. Nothing slow is begun before what was asked is known to be possible."""
+    if not options.verbose:
+        quiet_libraries()
+    output = check_picture(options.output)
+    figures_output = None if options.json is None else check_writable(options.json, "--json")
+    if figures_output == "-":
+        raise InputError("--json: expected a file of its own, got '-'")
+    check_apart({"--output": output, "--json": figures_output}, options.files)
+    if output != "-" and not options.quiet:
+        check_standard_output()  # for the figures
+    if options.opaque not in ("first", "blend"):
+        raise InputError(f"--opaque: expected first or blend, got '{options.opaque}'")
+
+    import clpeel
+    from clpeel.command.terminal import format_complexity
+    from clpeel.device.cache import take_notes
+    from clpeel.device.devices import find_device
+    from clpeel.pictures.png import encode_png
+
+    if options.memory is not None:
+        parse_memory(options.memory)
+    find_device(options.device)
+
+    load, name = load_files(options)
+    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    progress(0.0, f"reading {name}")
+    try:
+        scene = load()
+        camera = make_camera(options, scene)
+        progress(0.0, "counting")
+        found = clpeel.complexity(
+            scene,
+            camera,
+            options.resolution,
+            "none" if options.unlit else "headlight",
+            opaque=options.opaque,
+            memory=options.memory,
+            device=options.device,
+            lanes=options.lanes,
+            progress=progress if progress.enabled else None,
+        )
+        progress(1.0, "writing")
+        background = None if options.no_background else options.background_color
+        write(output, encode_png(found.image(background, not options.no_scale_bar)))
+        if figures_output is not None:
+            import json
+
+            write(figures_output, (json.dumps(found.figures(), indent=2) + "\n").encode())
+    finally:
+        progress.clear()
+    if not options.quiet:
+        say_notes((*scene.notes, *take_notes()))
+        print_text(format_complexity(found.figures()), aside=output == "-")
+        if output != "-":
+            width, height = options.resolution
+            say(f"wrote {options.output} ({width} x {height}, {len(scene.faces):,} triangles)")
+    return 0

@@ -1,0 +1,117 @@
+"""Values: the text of an option as what it means, or an error that argparse shows with the option's name."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable
+
+from clpeel.checks import AXES, MAX_SIDE
+from clpeel.errors import InputError
+from clpeel.options import read_color, read_count, read_numbers, read_share
+
+Vector = tuple[float, float, float]
+Reader = Callable[[str], object]
+
+
+def for_argparse(read: Reader) -> Reader:
+    """The reader with errors that argparse shows as they are."""
+
+    def reader(text: str) -> object:
+        try:
+            return read(text)
+        except InputError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return reader
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    try:
+        (value,) = read_numbers(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number, got '{text}'") from None
+    return value
+
+
+def positive(text: str) -> float:
+    """A number above 0."""
+    value = number(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got '{text}'")
+    return value
+
+
+def vector(text: str) -> Vector:
+    """Three numbers."""
+    try:
+        x, y, z = read_numbers(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected X,Y,Z (three numbers), got '{text}'") from None
+    return x, y, z
+
+
+def direction(text: str) -> Vector:
+    """An axis such as `-Z`, or three numbers that are not all zero."""
+    axis = re.fullmatch(r"([+-]?)([XYZxyz])", text)
+    if axis:
+        sign = -1.0 if axis[1] == "-" else 1.0
+        x, y, z = AXES[axis[2].upper()]
+        return sign * x, sign * y, sign * z
+    try:
+        x, y, z = read_numbers(text)
+        if x == y == z == 0:
+            raise ValueError(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"expected an axis such as +Y or -Z, or X,Y,Z not all zero, got '{text}'"
+        ) from None
+    return x, y, z
+
+
+def clipping_range(text: str) -> tuple[float, float]:
+    """Two numbers."""
+    try:
+        near, far = read_numbers(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected NEAR,FAR (two numbers), got '{text}'") from None
+    return near, far
+
+
+def resolution(text: str) -> tuple[int, int]:
+    """Width and height in pixels."""
+    try:
+        width, height = (int(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected W,H (two whole numbers), got '{text}'") from None
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise argparse.ArgumentTypeError(f"expected W,H with each in 1..{MAX_SIDE}, got '{text}'")
+    return width, height
+
+
+def surface_color(text: str) -> object:
+    """As `color`, of what has an opacity too."""
+    try:
+        return color(text)
+    except argparse.ArgumentTypeError as error:
+        hint = "; give it with --opacity" if "alpha" in str(error) else ""
+        raise argparse.ArgumentTypeError(f"{error}{hint}") from None
+
+
+def counts(text: str) -> tuple[int, ...]:
+    """Whole numbers of 1 or more."""
+    try:
+        return tuple(read_count(part) for part in text.split(","))
+    except InputError:
+        raise argparse.ArgumentTypeError(f"expected whole numbers of 1 or more, such as 1,2,4, got '{text}'") from None
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Words with commas between them."""
+    return tuple(part.strip() for part in text.split(","))
+
+
+color = for_argparse(read_color)
+count = for_argparse(read_count)
+opacity = for_argparse(read_share)

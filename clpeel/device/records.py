@@ -1,0 +1,102 @@
+"""Records: the structs that the host and the kernels share, as NumPy's types and as OpenCL C."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clpeel.device import layout
+
+VERTEX = np.dtype(
+    [
+        ("x", np.int32),  # subpixels right of the image's centre, rounded to nearest
+        ("y", np.int32),  # subpixels below the image's centre
+        ("offset_x", np.float32),  # exact minus snapped position, subpixels, within +-0.5
+        ("offset_y", np.float32),
+        ("depth", np.float32),  # reversed: near / view distance, or (far - distance) / (far - near)
+        ("outcode", np.uint32),
+    ]
+)
+"""A vertex after projection; only `outcode` means anything when it is not zero."""
+
+TRIANGLE = np.dtype(
+    [
+        ("x", np.int32, 3),  # snapped corners in subpixels, farthest first, the area positive with y down
+        ("y", np.int32, 3),
+        ("depth", np.float32, 3),  # of its plane at the first snapped corner, and how much more at the others
+        ("depth_min", np.float32),  # of the exact corners: no fragment lies outside them
+        ("depth_max", np.float32),
+        ("inverse_area", np.float32),  # 1 / twice the area in square subpixels
+        ("source", np.uint32),  # submission index: the face it comes from
+        ("flags", np.uint32),  # SMALL | BACK_FACING | OPAQUE
+        ("left_right", np.uint32),  # its bounds again: first column | last column << 16
+        ("top_bottom", np.uint32),  # first row | last row << 16
+    ]
+)
+"""What the rasterizer needs of a triangle: 64 bytes, a cache line."""
+
+PEEL_TOTALS = np.dtype(
+    [
+        ("fragments", np.uint32),
+        ("layers", np.uint32),  # peeled of the deepest pixel
+        ("passes", np.uint32),  # where passes are repeated: 1 + a pixel for which there is no end to them
+        ("truncated", np.uint32),  # samples with layers that no pass reached
+        ("hidden", np.float32),  # the greatest transmittance of those
+        ("opaque", np.uint32),  # samples with an opaque surface
+    ]
+)
+"""What peeling counts of a tile (many_passes.h)."""
+
+ONE_PASS_TOTALS = np.dtype(
+    [
+        ("fragments", np.uint32),
+        ("layers", np.uint32),  # of the deepest pixel
+        ("opaque", np.uint32),  # samples with an opaque surface
+        ("spare", np.uint32),
+    ]
+)
+"""What one pass counts of a tile: a uint4 (one_pass.h)."""
+
+WINDOW_TOTALS = np.dtype([("fragments", np.uint32), ("layers", np.uint32)])
+"""What is counted of a tile before its fragments are emitted: a uint2 (windows.cl)."""
+
+COUNT_TOTALS = np.dtype(
+    [
+        ("fragments", np.uint32),  # transparent, in front of what is opaque
+        ("layers", np.uint32),  # those of the deepest pixel
+        ("opaque", np.uint32),  # samples with an opaque surface
+        ("all_fragments", np.uint32),  # of all surfaces, whatever lies in front
+        ("all_layers", np.uint32),  # those of the deepest pixel
+        ("visits", np.uint32),  # strips visited of transparent records
+        ("opaque_visits", np.uint32),  # strips visited of opaque records
+        ("opaque_records", np.uint32),
+    ]
+)
+"""What counting a tile's layers finds (counting.cl)."""
+
+TOTALS = {"PEEL": PEEL_TOTALS, "COUNT": COUNT_TOTALS}
+"""Totals that kernels keep as arrays of uints: a kernel's place of `layers` in PEEL is PEEL_LAYERS."""
+
+STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE}
+
+_C_TYPES = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
+
+
+def declarations() -> str:
+    """OpenCL C text of the shared constants, structs, and places of totals."""
+    lines = [
+        f"#define {name} {value}"
+        for name, value in vars(layout).items()
+        if name.isupper() and not name.startswith("_") and isinstance(value, int)
+    ]
+    lines.append(f"#define AMBIENT {layout.AMBIENT!r}f")
+    for name, dtype in STRUCTS.items():
+        fields = []
+        for field in dtype.names or ():
+            base, shape = dtype[field].base, dtype[field].shape
+            fields.append(f"{_C_TYPES[base]} {field}{f'[{shape[0]}]' if shape else ''};")
+        lines.append(f"typedef struct {{ {' '.join(fields)} }} {name};")
+    for name, dtype in TOTALS.items():
+        names = dtype.names or ()
+        lines.append(f"#define {name}_TOTALS {len(names)}")
+        lines += [f"#define {name}_{field.upper()} {place}" for place, field in enumerate(names)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,210 @@
+"""Options: a field of a frozen dataclass says all that is known of one.
+
+From its type, default, check and line of help come the checks of Python's callers and their errors, the command's flags
+and help, `clpeel techniques`, the table in README.md, the keyword types for editors (rendering/keywords.py), and the
+keys of what was measured. Nothing here needs NumPy.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeVar, cast
+
+from clpeel import checks
+from clpeel.color import parse_color
+from clpeel.errors import InputError
+
+T = TypeVar("T")
+
+Check = Callable[[str, object], object]
+"""(name, value) to the value as the code wants it, or InputError."""
+
+Parse = Callable[[str], object]
+"""The text of a flag to a value, or InputError without the flag's name."""
+
+_KEY = "option"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What sort of value an option has: how it is checked, and how the command reads and shows it."""
+
+    check: Check
+    parse: Parse = str
+    metavar: str = ""
+
+
+@dataclass(frozen=True)
+class Option:
+    """What is known of one field.
+
+    annotation: its type. flag: the command's, such as `--passes`. kind: None for a switch, whose flag takes no value.
+    """
+
+    name: str
+    annotation: object
+    default: object
+    flag: str
+    help: str
+    kind: Kind | None
+
+    @property
+    def flag_help(self) -> str:
+        """The line of help for the flag: of a switch that is on by default, the flag turns it off."""
+        return f"do not {self.help}" if self.default is True else self.help
+
+    @property
+    def choices(self) -> tuple[str | int, ...]:
+        """The values of a Literal; none for other types."""
+        return _choices(self.annotation)
+
+    def checked(self, value: object) -> object:
+        """The value as the code wants it, or InputError. None passes where it is the default."""
+        if value is None and self.default is None:
+            return None
+        if self.choices:
+            checks.one_of(self.name, value, self.choices)
+            return value
+        return checks.true_or_false(self.name, value) if self.kind is None else self.kind.check(self.name, value)
+
+
+def option(default: T, kind: Kind | None = None, *, help: str, flag: str = "") -> T:
+    """A field of an Options class.
+
+    kind: needed by all but switches (bool) and choices (Literal), whose types say enough. flag: where it is not the
+    name's own: `--the-name`, or `--no-the-name` for a switch that is on by default.
+    """
+    return dataclasses.field(default=default, metadata={_KEY: (kind, help, flag)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Base of all options: values are checked as they come in. Raises InputError on one that cannot be."""
+
+    def __post_init__(self) -> None:
+        for each in options_of(type(self)):
+            object.__setattr__(self, each.name, each.checked(getattr(self, each.name)))
+        self.check_together()
+
+    def check_together(self) -> None:
+        """Raises InputError where two values, each of them right, do not go together."""
+
+    def given(self) -> Iterator[tuple[str, object]]:
+        """Names and values of those that differ from their defaults, in the order of the fields."""
+        for each in options_of(type(self)):
+            value = getattr(self, each.name)
+            if value != each.default:
+                yield each.name, value
+
+
+_FOUND: dict[type[Options], tuple[Option, ...]] = {}
+
+
+def options_of(owner: type[Options]) -> tuple[Option, ...]:
+    """The options of a class, its base classes' first."""
+    if owner not in _FOUND:
+        _FOUND[owner] = tuple(_read_fields(owner))
+    return _FOUND[owner]
+
+
+def _read_fields(owner: type[Options]) -> Iterator[Option]:
+    hints = typing.get_type_hints(owner)
+    for each in dataclasses.fields(owner):
+        kind, text, flag = each.metadata[_KEY]
+        if not flag:
+            no = "no-" if each.default is True else ""
+            flag = f"--{no}{each.name.replace('_', '-')}"
+        annotation = hints[each.name]
+        values = _choices(annotation)
+        if values:
+            read = read_count if isinstance(values[0], int) else str
+            kind = Kind(_unchecked, read, "|".join(map(str, values)) if read is str else "N")
+        yield Option(each.name, annotation, each.default, flag, text, kind)
+
+
+def _unchecked(name: str, value: object) -> object:
+    return value
+
+
+def _choices(annotation: object) -> tuple[str | int, ...]:
+    parts = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
+    return tuple(value for part in parts if typing.get_origin(part) is Literal for value in typing.get_args(part))
+
+
+# --- the kinds of values ----------------------------------------------------------------------------------------------
+
+
+def count(most: int) -> Kind:
+    """A whole number 1..most."""
+    return Kind(lambda name, value: checks.whole_number(name, value, most), read_count, "N")
+
+
+def read_count(text: str) -> int:
+    """A whole number of 1 or more, or InputError."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if value < 1:
+        raise InputError(f"expected a whole number of 1 or more, got '{text}'")
+    return value
+
+
+def read_numbers(text: str) -> list[float]:
+    """Finite numbers with commas between them; raises ValueError."""
+    values = [float(part) for part in text.split(",")]
+    if not all(abs(value) < float("inf") for value in values):
+        raise ValueError(text)
+    return values
+
+
+def read_share(text: str) -> float:
+    """A number 0..1, or InputError."""
+    try:
+        (value,) = read_numbers(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value <= 1:
+        raise InputError(f"expected a number in 0..1, got '{text}'")
+    return value
+
+
+def _read_range(text: str) -> tuple[float, float]:
+    try:
+        low, high = read_numbers(text)
+        if not 0 <= low < high:
+            raise ValueError(text)
+    except ValueError:
+        raise InputError(f"expected LOW,HIGH (two numbers, 0 <= LOW < HIGH), got '{text}'") from None
+    return low, high
+
+
+def _read_not_negative(text: str) -> float:
+    try:
+        (value,) = read_numbers(text)
+    except ValueError:
+        raise InputError(f"expected a number, got '{text}'") from None
+    if value < 0:
+        raise InputError(f"expected a number of 0 or more, got '{text}'")
+    return value
+
+
+def read_color(text: str) -> checks.Rgb:
+    """`R,G,B` in 0..1, `#rrggbb` or a name such as `steelblue` as three numbers 0..1, or InputError."""
+    red, green, blue = parse_color(text)
+    return red, green, blue
+
+
+SHARE = Kind(checks.share, read_share, "0..1")
+RANGE = Kind(checks.number_range, _read_range, "LOW,HIGH")
+COLOR = Kind(checks.checked_rgb, read_color, "COLOR")
+MEMORY = Kind(lambda name, value: checks.parse_memory(cast(str, value)), str, "SIZE")
+
+
+def not_negative(what: str) -> Kind:
+    """A finite number of 0 or more. what: the number that is expected, in words."""
+    return Kind(lambda name, value: checks.not_negative(name, value, what), _read_not_negative, "NUMBER")

@@ -1,0 +1,197 @@
+"""Layers: what peeling finds in each pixel, front to back (Everitt 2001; a layered depth image, Shade et al. 1998)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.checks import MAX_SIDE, checked_background
+from clpeel.errors import InputError
+from clpeel.files import write_whole
+from clpeel.pictures.lengths import Lengths
+
+FORMAT = 1
+"""Of the files that `Layers.save` writes."""
+
+_ARRAYS = {"start": (np.int64,), "color": (np.float32,), "depth": (np.float32, np.float64), "triangle": (np.int32,)}
+"""The arrays' types, of which the first is the usual one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """The layers of every pixel, front to back: a layered depth image.
+
+    size: (width, height) in pixels. start: int64 [height * width + 1]: the layers of the pixel at (row, column), row 0
+    on top, are start[p] : start[p + 1] with p = row * width + column. color: float32 [n, 4], straight RGBA 0..1, lit
+    where the picture was. depth: float32 [n], distance from the camera along its view axis in scene units (float64
+    where float32 cannot hold them). triangle: int32 [n], the face of the scene.
+
+    The order is (depth, submission). A pixel's layers end with the first opaque one, whose alpha is exactly 1, unless
+    it was rendered with opaque="blend". Raises InputError where the arrays do not fit together.
+    """
+
+    size: tuple[int, int]
+    start: NDArray[np.int64]
+    color: NDArray[np.float32]
+    depth: Lengths
+    triangle: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        width, height = self.size
+        if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+            raise InputError(f"size: expected 1..{MAX_SIDE} pixels a side, got {width} x {height}")
+        self._check_shape("start", width * height + 1)
+        if self.start[0] != 0 or (self.start[1:] < self.start[:-1]).any():
+            raise InputError("start: expected numbers that rise from 0, got others")
+        n = int(self.start[-1])
+        self._check_shape("color", n, 4)
+        self._check_shape("depth", n)
+        self._check_shape("triangle", n)
+        if not np.isfinite(self.color).all():
+            raise InputError("color: expected finite numbers, got NaN or infinity")
+        if n and self.triangle.min() < 0:
+            raise InputError(f"triangle: expected faces from 0 on, got {self.triangle.min()}")
+        first = np.zeros(n + 1, bool)
+        first[self.start] = True
+        # A NaN is not less than any other, nor at least: so it does not pass, wherever it is.
+        if np.isnan(self.depth).any() or not ((self.depth[1:] >= self.depth[:-1]) | first[1:-1]).all():
+            raise InputError("depth: expected each pixel's front to back, got another order")
+
+    def _check_shape(self, name: str, *shape: int) -> None:
+        array, types = getattr(self, name), [np.dtype(dtype) for dtype in _ARRAYS[name]]
+        if array.shape != shape or array.dtype not in types:
+            raise InputError(f"{name}: expected {types[0]} {list(shape)}, got {array.dtype} {list(array.shape)}")
+
+    @cached_property
+    def count(self) -> int:
+        """The most layers that a pixel has."""
+        return int(np.diff(self.start).max())
+
+    def layer(self, k: int) -> tuple[NDArray[np.float32], Lengths, NDArray[np.int32]]:
+        """The k-th layer of all pixels, 0 the foremost: what peeling finds in its k-th pass.
+
+        Returns color float32 [height, width, 4], straight, zeros where a pixel has no such layer; depth float32
+        [height, width], infinite there; triangle int32 [height, width], -1 there. Raises InputError where none has.
+        """
+        if not 0 <= k < self.count:
+            there = f"0..{self.count - 1}" if self.count else "none, as no pixel has a layer"
+            raise InputError(f"layer: expected {there}; got {k}")
+        width, height = self.size
+        pixels = np.flatnonzero(np.diff(self.start) > k)
+        places = self.start[pixels] + k
+        color = np.zeros((height * width, 4), np.float32)
+        depth = np.full(height * width, np.inf, self.depth.dtype)
+        triangle = np.full(height * width, -1, np.int32)
+        color[pixels], depth[pixels], triangle[pixels] = self.color[places], self.depth[places], self.triangle[places]
+        return color.reshape(height, width, 4), depth.reshape(height, width), triangle.reshape(height, width)
+
+    def __len__(self) -> int:
+        """The same as `count`."""
+        return self.count
+
+    def __getitem__(self, k: int) -> tuple[NDArray[np.float32], Lengths, NDArray[np.int32]]:
+        """The same as `layer`, so that `for color, depth, triangle in layers` goes through them front to back."""
+        if not -self.count <= k < self.count:
+            raise IndexError(k)  # what ends that loop
+        return self.layer(k % self.count)
+
+    def blended(self) -> NDArray[np.float32]:
+        """The layers blended front to back: float32 [height, width, 4], premultiplied, before the background.
+
+        The same operations in float32 as the kernels' (blending.h), so that layers of which none is missing give the
+        bits of `Result.color` by `sort`.
+        """
+        rgb, through = self._blended()
+        return np.concatenate([rgb, np.float32(1) - through], axis=-1)
+
+    def _blended(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Premultiplied colour [height, width, 3], and the transmittance [height, width, 1] that is left."""
+        width, height = self.size
+        rgb = np.zeros((height * width, 3), np.float32)
+        through = np.ones((height * width, 1), np.float32)
+        count = np.diff(self.start)
+        pixels = np.flatnonzero(count)
+        for k in range(self.count):
+            pixels = pixels[count[pixels] > k]
+            source = self.color[self.start[pixels] + k]
+            alpha = source[:, 3:]
+            rgb[pixels] += through[pixels] * (alpha * source[:, :3])
+            through[pixels] *= np.float32(1) - alpha
+        return rgb.reshape(height, width, 3), through.reshape(height, width, 1)
+
+    def composite(self, background: Sequence[float] | str | None = (1, 1, 1)) -> NDArray[np.uint8]:
+        """The picture again: uint8 [height, width, 4], row 0 on top.
+
+        background: 3 numbers 0..1, or None for straight alpha. Layers of which none is missing give the bits of
+        `Result.image` by `sort` over the same. Raises InputError where the background cannot be.
+        """
+        return _shown(*self._blended(), background)
+
+    def picture(
+        self, k: int, background: Sequence[float] | str | None = (1, 1, 1), keep_alpha: bool = False
+    ) -> NDArray[np.uint8]:
+        """The k-th layer alone, opaque, as Bavoil and Myers (2008) show them in Figure 2: uint8 [height, width, 4].
+
+        background: as for `composite`. keep_alpha: with its own alpha instead. Raises InputError where there is no such
+        layer.
+        """
+        color, _, triangle = self.layer(k)
+        alpha = color[..., 3:] if keep_alpha else (triangle >= 0)[..., None].astype(np.float32)
+        return _shown(alpha * color[..., :3], np.float32(1) - alpha, background)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes them all as an .npz, whole or not at all, for `load_layers`; through a link, if path is one.
+
+        Raises InputError when the place cannot be written, or its name ends in what is not .npz.
+        """
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        size = np.array(self.size, np.int32)
+        write_whole(path, lambda file: np.savez(file, format=np.int32(FORMAT), size=size, **arrays), ".npz")
+
+
+def _shown(
+    rgb: NDArray[np.float32], through: NDArray[np.float32], background: Sequence[float] | str | None
+) -> NDArray[np.uint8]:
+    """Premultiplied colour [h, w, 3] and transmittance [h, w, 1] to a picture: composite.h, operation by operation."""
+    over = checked_background(background)
+    alpha = np.ones_like(through)
+    if over is not None:
+        shown = rgb + through * np.array(over, np.float32)
+    else:
+        alpha = np.maximum(np.float32(1) - through, np.float32(0))
+        shown = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
+    levels = np.concatenate([shown, alpha], axis=-1) * np.float32(255) + np.float32(0.5)
+    return np.clip(levels, np.float32(0), np.float32(255)).astype(np.uint8)
+
+
+def load_layers(path: str | os.PathLike[str]) -> Layers:
+    """The layers that `Layers.save` wrote, bit for bit.
+
+    Raises InputError where there is no such file, or it is damaged, or something else.
+    """
+    name = os.fspath(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = {key: file[key] for key in ("format", "size", *_ARRAYS)}
+    except FileNotFoundError:
+        raise InputError(f"{name}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{name}: cannot be read: {error.strerror or error}") from None
+    except Exception:  # whatever NumPy and zipfile make of bytes that are something else
+        raise InputError(f"{name}: expected layers that clpeel has saved, got another or a damaged file") from None
+    version = found.pop("format")
+    if version.shape != () or version != FORMAT:
+        raise InputError(f"{name}: expected format {FORMAT}, got {version!s:.40}; it may need a newer clpeel")
+    size = found.pop("size")
+    try:
+        if size.shape != (2,) or size.dtype.kind not in "iu":
+            raise InputError(f"size: expected 2 whole numbers, got {size.dtype} {list(size.shape)}")
+        return Layers((int(size[0]), int(size[1])), **found)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None

@@ -1,0 +1,52 @@
+"""The options of `render` for editors and type checkers. Written by tools/write_keywords.py: do not edit."""
+
+from __future__ import annotations
+
+from typing import Literal, TypedDict
+
+
+class Keywords(TypedDict, total=False):
+    """Options by name. Which technique has which, `clpeel techniques` lists; another is an InputError."""
+
+    samples: Literal[1, 4, 16, 64, 256]
+    """Samples a pixel, averaged for smooth edges: 1, 4, 16, 64 or 256."""
+    memory: int | str | None
+    """Device memory to use, such as 512M or 2G (default: a share of the device's)."""
+    keep_color: bool
+    """Whether the result has the float32 colour besides the 8-bit picture."""
+    layers: bool
+    """Whether the result has the layers of every pixel."""
+    opaque: Literal["first", "blend"]
+    """Draw opaque surfaces first (default), or blend them as any other."""
+    depth_format: Literal["float32-reversed", "float32", "unorm24", "rgba8"]
+    """What is kept of depths (default: float32-reversed)."""
+    precision: Literal["float32", "half", "unorm8"]
+    """Of the buffers that colours are blended into, each blend rounded as hardware does."""
+    max_error: float | None
+    """Skip layers that cannot change a channel by more; 0 is exact."""
+    passes: int | None
+    """Peel so many times and stop, where the technique peels."""
+    occlusion_query: bool
+    """Stop the passes where one finds nothing."""
+    coincident: Literal["keep", "paper"]
+    """Of equal depths keep all fragments, or the first alone."""
+    layers_per_pass: int
+    """Layers a pass, where the technique peels several (default: 8)."""
+    hazard_window: int | None
+    """Multi-layer-peeling: simulate so many concurrent writes."""
+    hazard_order: Literal["nearest-last", "arrival"]
+    """Multi-layer-peeling: the order in which these writes land."""
+    torn_writes: bool
+    """Multi-layer-peeling: of two writes that meet, each commits half."""
+    variant: Literal["exact", "total", "first-solid"]
+    """Of thickness: what lies within surfaces, from first to last, or the first solid (default: exact)."""
+    scale_bar: bool
+    """Show a scale bar in the picture of a map."""
+    projected: bool
+    """Thickness in window depths, 0..1, in place of scene units."""
+    thickness_range: tuple[float, float] | None
+    """Thickness that the first and the last colour stand for (default: 0 to the greatest)."""
+    sigma: float | None
+    """Extinction a scene unit (default: by the scene's size)."""
+    light_color: tuple[float, float, float] | str
+    """Of the light behind the scene (default: a warm white)."""

@@ -1,0 +1,87 @@
+"""The options of all pictures, whatever the technique. Nothing here needs NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, cast
+
+from clpeel import checks
+from clpeel.checks import MAX_SIDE, Rgb, checked_background, checked_size
+from clpeel.device.layout import DepthFormat
+from clpeel.errors import InputError
+from clpeel.options import MEMORY, Kind, Options, option
+
+Size = tuple[int, int]
+Lighting = Literal["none", "headlight"]
+Opaque = Literal["first", "blend"]
+
+SAMPLES_A_SIDE = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
+"""Samples a pixel to samples a side. A side divides a tile's, so that a pixel's samples share a tile."""
+
+
+def _checked_size(name: str, value: object) -> object:
+    return checked_size(cast(Sequence[int], value))
+
+
+def _checked_background(name: str, value: object) -> object:
+    return checked_background(cast(Sequence[float], value))
+
+
+def checked_layers(name: str, value: object) -> bool:
+    """The value as a bool, or InputError: a number is more likely meant as layers_per_pass."""
+    if type(value).__name__ not in ("bool", "bool_"):  # NumPy's bool is called one or the other
+        raise InputError(f"{name}: expected True or False, got {value!r}; layers in each pass are layers_per_pass")
+    return bool(value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureOptions(Options):
+    """The options of all pictures, whatever the technique.
+
+    size: (width, height) in pixels. background: three numbers 0..1, text such as "white", or None for straight alpha.
+    memory: bytes that the scene and all buffers but the picture may take on the device; None for a share of it.
+    """
+
+    size: Size = option((1024, 1024), Kind(_checked_size, metavar="W,H"), help="width and height in pixels")
+    background: Sequence[float] | str | None = option(
+        (1.0, 1.0, 1.0),
+        Kind(_checked_background, metavar="COLOR"),
+        help="R,G,B in 0..1, #rrggbb or a name",
+    )
+    lighting: Lighting = option("none", help="the colours as given, or a light at the camera")
+    samples: Literal[1, 4, 16, 64, 256] = option(
+        1, help="samples a pixel, averaged for smooth edges: 1, 4, 16, 64 or 256"
+    )
+    memory: int | str | None = option(
+        None, MEMORY, help="device memory to use, such as 512M or 2G (default: a share of the device's)"
+    )
+    keep_color: bool = option(True, help="whether the result has the float32 colour besides the 8-bit picture")
+    layers: bool = option(False, Kind(checked_layers), help="whether the result has the layers of every pixel")
+    opaque: Opaque = option("first", help="draw opaque surfaces first (default), or blend them as any other")
+    depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
+
+    def check_together(self) -> None:
+        """Raises InputError where so many samples make the picture too large, or layers are asked for with them."""
+        most = MAX_SIDE // self.side
+        if max(self.size) > most:
+            raise InputError(
+                f"samples: expected at most {most} pixels a side with {self.samples} samples, got {max(self.size)}"
+            )
+        if self.layers and self.samples != 1:
+            raise InputError(f"layers: expected samples=1, got {self.samples!r}")
+
+    @property
+    def side(self) -> int:
+        """Samples a side of a pixel."""
+        return SAMPLES_A_SIDE[self.samples]
+
+    @property
+    def over(self) -> Rgb | None:
+        """The background, as checked."""
+        return checked_background(self.background)
+
+    @property
+    def memory_limit(self) -> int | None:
+        """`memory` in bytes."""
+        return None if self.memory is None else checks.parse_memory(self.memory)

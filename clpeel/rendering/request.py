@@ -1,0 +1,153 @@
+"""The request: what is asked for, checked in full before any work is done."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from clpeel.errors import InputError
+from clpeel.options import Options, options_of
+from clpeel.rendering.options import PictureOptions, Size, checked_layers
+from clpeel.scene.camera import Camera
+from clpeel.scene.scene import Scene
+from clpeel.techniques import AUTO, TECHNIQUES, AnyTechnique, AutoOptions, option_names, options_class
+from clpeel.techniques import technique as technique_named
+from clpeel.techniques.precision import Blending
+
+Progress = Callable[[float, str], None]
+"""Called with the share of the work that is done, 0..1, and a text."""
+
+MAP_VALUES = 4
+"""Numbers that a technique which makes maps finds for each pixel: as many as a pixel's colour has (composite.h)."""
+
+AUTO_STANDS_FOR = "sort"
+"""What stands for auto until it has chosen: it has auto's options, and they mean the same."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """A picture that is asked for; nothing in it can be wrong any more.
+
+    technique: for auto, the one that stands for it until one is chosen. options: the technique's own, or AutoOptions.
+    values: how many numbers are found for each pixel besides its colour, for maps or for the bound of an error.
+    """
+
+    camera: Camera
+    picture: PictureOptions
+    technique: AnyTechnique
+    options: Options
+    values: int
+    progress: Progress | None = None
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        camera: Camera | None,
+        technique: str,
+        given: Mapping[str, object],
+        progress: Progress | None = None,
+    ) -> Request:
+        """The request for these options of all pictures and of the technique. Raises InputError on any that is wrong.
+
+        camera: by default `Camera.frame(scene)`.
+        """
+        picture, options = checked_options(technique, given)
+        if camera is None:
+            camera = Camera.frame(scene, aspect=picture.size[0] / picture.size[1])
+        elif not isinstance(camera, Camera):
+            raise InputError(f"camera: expected a clpeel.Camera or None, got {type(camera).__name__}")
+        chosen = technique_named(AUTO_STANDS_FOR if technique == AUTO else technique)
+        bounded = technique == AUTO or getattr(options, "max_error", None) is not None
+        values = MAP_VALUES if chosen.maps else int(bounded)
+        check_picture_fits(picture.size, 4 + 16 * picture.keep_color + 4 * values)
+        return cls(camera=camera, picture=picture, technique=chosen, options=options, values=values, progress=progress)
+
+    def chosen(self, technique: AnyTechnique, options: Options) -> Request:
+        """The request with the technique that auto has chosen."""
+        return replace(self, technique=technique, options=options)
+
+    @property
+    def is_auto(self) -> bool:
+        """Whether the technique has not been chosen yet."""
+        return isinstance(self.options, AutoOptions)
+
+    @property
+    def max_error(self) -> float | None:
+        """What skipped layers may change at most; None where none are skipped."""
+        found: float | None = getattr(self.options, "max_error", None)
+        return found
+
+    @property
+    def blending(self) -> Blending:
+        """How colours are blended."""
+        return self.options if isinstance(self.options, Blending) else Blending()
+
+    @property
+    def sampled(self) -> Size:
+        """(width, height) in samples."""
+        width, height = self.picture.size
+        return width * self.picture.side, height * self.picture.side
+
+    @property
+    def lit(self) -> bool:
+        """Whether there is a light."""
+        return self.picture.lighting != "none"
+
+    @property
+    def opaque_first(self) -> bool:
+        """Whether opaque surfaces are drawn first, and nothing behind them."""
+        return self.picture.opaque == "first" and not self.technique.all_surfaces
+
+    @property
+    def keep_coincident(self) -> bool:
+        """Whether all fragments of equal depth are kept."""
+        return getattr(self.options, "coincident", "keep") == "keep"
+
+    def report(self, done: float, text: str) -> None:
+        """Says what share of the work is done, where anybody wants to know."""
+        if self.progress is not None:
+            self.progress(done, text)
+
+
+def checked_options(technique: str, given: Mapping[str, object]) -> tuple[PictureOptions, Options]:
+    """The options of all pictures and those of the technique. Raises InputError on any that is wrong."""
+    check_names(technique, given)
+    common = {each.name for each in options_of(PictureOptions)}
+    own = {name: value for name, value in given.items() if name not in common}
+    shared: dict[str, Any] = {name: value for name, value in given.items() if name in common}
+    options = options_class(technique)(**own)
+    picture = PictureOptions(**shared)
+    if picture.layers and technique != AUTO:
+        technique_named(technique).peeled(options)  # raises where layers may be lost
+    return picture, options
+
+
+def check_names(technique: str, given: Mapping[str, object]) -> None:
+    """InputError where the technique lacks one of these options, or there is no such technique."""
+    has = option_names(technique)
+    common = tuple(each.name for each in options_of(PictureOptions) if each.name != "layers")
+    for name, value in sorted(given.items()):
+        if name in has or name in common:
+            continue
+        if name == "layers" and not value and value is not None and checked_layers(name, value) is False:
+            continue  # asking for none is right with any technique
+        known = ", ".join(("camera", "technique", *common, "progress", *has))
+        raise InputError(f"{name}: the technique {technique!r} has no such option; it has {known}")
+
+
+def check_picture_fits(size: Size, pixel_bytes: int) -> None:
+    """InputError where the host's memory cannot hold the picture."""
+    needed = size[0] * size[1] * pixel_bytes
+    if hasattr(os, "sysconf") and needed > (held := os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")):
+        raise InputError(
+            f"size: expected a picture that fits the memory of {held / 2**30:.1f} GiB, "
+            f"got {size[0]} x {size[1]}, which takes {needed / 2**30:.1f} GiB"
+        )
+
+
+def all_options() -> tuple[type[Options], ...]:
+    """The classes of all options that `render` knows."""
+    return (PictureOptions, *dict.fromkeys(each.options for each in TECHNIQUES.values()), AutoOptions)

@@ -1,0 +1,281 @@
+"""The result: a picture, its maps, and what they took."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.device.program import device_seconds
+from clpeel.device.workspace import Workspace
+from clpeel.errors import InputError
+from clpeel.pictures.lengths import Lengths
+from clpeel.pictures.png import save_png
+from clpeel.stages.composite import Finished, Map, Picture
+from clpeel.stages.tiles import Drawn
+from clpeel.techniques import ERROR_BOUND, TECHNIQUES, with_map
+from clpeel.techniques.technique import opaque_bytes
+
+if TYPE_CHECKING:
+    from clpeel.pictures.layers import Layers
+    from clpeel.rendering.request import Request
+    from clpeel.stages.projection import Triangles
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stats(Mapping[str, Any]):
+    """What a picture took, by attribute and by name: `stats.passes` is `stats["passes"]`.
+
+    `technique_stats` are under their own names: `stats["thickness_max"]`. What is None is not there by name.
+    """
+
+    technique: str
+    depth_format: str
+    passes: int
+    """Geometry passes, as the papers count them."""
+    passes_issued: int
+    """Geometry passes with the empty one that ends them."""
+    samples_passed: list[int]
+    """Samples that passed, of each geometry pass."""
+    size: list[int]
+    """Width and height in pixels."""
+    samples: int
+    """Samples a pixel."""
+    triangles: int
+    """Triangles of the scene."""
+    clipped: int
+    """Triangles that a clipping plane cuts."""
+    discarded: int
+    """Triangles with corners that are NaN or infinite."""
+    fragments: int
+    """Fragments of transparent surfaces in front of opaque ones."""
+    layers_max: int
+    """The most of these in one sample."""
+    opaque_samples: int
+    """Samples with an opaque surface."""
+    truncated_pixels: int
+    """Samples with layers that no pass reached; pixels, where a pixel has one sample."""
+    truncation_bound: float
+    """What those layers could have changed in any channel at most, of 1."""
+    clamped_pixels: int
+    """Pixels whose alphas add up to more than 1, or whose value lies outside the colours."""
+    batches: int
+    """Parts that the picture was drawn in."""
+    seconds: dict[str, float]
+    """Seconds of each stage by the device's clock, of the host, and in total."""
+    seconds_per_pass: list[float]
+    """Seconds of each geometry pass; equal shares where the device cannot tell them apart."""
+    kernel_seconds: dict[str, float]
+    """Seconds of each kernel by the device's clock."""
+    bytes: dict[str, int]
+    """Bytes of each buffer on the device, and of the scene."""
+    bytes_per_pixel: float
+    """All of these bytes, for each pixel."""
+    buffer_bytes_per_pixel: int
+    """Bytes that the technique keeps of a sample."""
+    device: str
+    lanes: int
+    """Work-items that share a tile."""
+    notes: list[str]
+    """What the picture lacks, and why, a line each."""
+    technique_stats: dict[str, object] = field(default_factory=dict)
+    auto: dict[str, object] | None = None
+    """What auto chose: max_error, explanation, alternatives."""
+
+    def _named(self) -> dict[str, Any]:
+        own = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "technique_stats"}
+        return {name: value for name, value in {**own, **self.technique_stats}.items() if value is not None}
+
+    def __getitem__(self, name: str) -> Any:
+        return self._named()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._named())
+
+    def __len__(self) -> int:
+        return len(self._named())
+
+
+class Clock:
+    """Seconds of a picture, from its request on."""
+
+    def __init__(self, gpu: Workspace) -> None:
+        self.gpu = gpu
+        self.started = time.perf_counter()
+        gpu.events.clear()
+
+    def stop(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Seconds of each stage and of each kernel by the device's clock; waits for the device.
+
+        "host" is what no kernel took: compiling them the first time, the scene's upload, the host's own work, waiting.
+        """
+        stages, kernels = device_seconds(self.gpu)
+        total = time.perf_counter() - self.started
+        stages["host"] = total - sum(stages.values())
+        stages["total"] = total
+        return stages, kernels
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A picture and what it took.
+
+    image: uint8 [height, width, 4], row 0 on top: over the background, or straight alpha where there is none.
+    stats: what it took, see Stats. maps: by name, of techniques that make them, each also an attribute:
+    `result.thickness`.
+    """
+
+    image: NDArray[np.uint8]
+    stats: Stats
+    _color: NDArray[np.float32] | None
+    maps: dict[str, Map] = field(default_factory=dict)
+    _layers: Layers | None = None
+    _rounding: float = 0.0
+
+    if TYPE_CHECKING:
+
+        @property
+        def thickness(self) -> Lengths:
+            """[height, width], scene units unless `projected`: the mean of a pixel's samples, 0 for empty ones.
+
+            float32, or float64 where a scene is so large or small that float32 cannot hold them.
+            """
+
+        @property
+        def unpaired(self) -> NDArray[np.bool_]:
+            """[height, width], where crossings do not pair up: the mesh is open there, or cut by a clipping plane."""
+
+    def __getattr__(self, name: str) -> Map:
+        """The map of that name. Raises InputError where another technique makes it."""
+        if any(name in technique.maps for technique in TECHNIQUES.values()):
+            return self.map(name)
+        raise AttributeError(f"'Result' object has no attribute {name!r}")
+
+    @property
+    def layers(self) -> Layers:
+        """The layers that the technique peels of every pixel, front to back."""
+        if self._layers is None:
+            raise InputError("layers: expected a result rendered with layers=True, got layers=False")
+        return self._layers
+
+    @property
+    def color(self) -> NDArray[np.float32]:
+        """float32 [height, width, 4], premultiplied, before the background."""
+        if self._color is None:
+            raise InputError("color: expected a result rendered with keep_color=True, got keep_color=False")
+        return self._color
+
+    def map(self, name: str) -> Map:
+        """The map of that name, [height, width]. Raises InputError where the technique makes none."""
+        if name == ERROR_BOUND:
+            return self.error_bound
+        if name not in self.maps:
+            raise InputError(
+                f"{name}: expected a result of a technique that makes this map ({', '.join(with_map(name))}), "
+                f"got {self.stats.technique!r}"
+            )
+        return self.maps[name]
+
+    @property
+    def error_bound(self) -> NDArray[np.float32]:
+        """float32 [height, width], with `max_error`: how far a channel of `color`, or over any background, may be off.
+
+        What was skipped cannot change a channel by more than the transmittance in front of it: the mean over a pixel's
+        samples, 0 where nothing was. Rounding adds what techniques.precision.blending_bound says of the most layers
+        of a sample, with an opaque one: 3 N + 4 roundings of 2^-24, and more where `precision` is coarser.
+        """
+        if ERROR_BOUND not in self.maps:
+            having = with_map(ERROR_BOUND)
+            wanted, came = f"a technique that has it ({', '.join(having)})", self.stats.technique
+            if came in having:
+                wanted, came = "max_error=...", "none"
+            raise InputError(f"error_bound: expected a result rendered with {wanted}, got {came}")
+        return np.minimum(self.maps[ERROR_BOUND] + np.float32(self._rounding), np.float32(1))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the image as a PNG, whole or not at all; through a link, if path is one.
+
+        Raises InputError when the place cannot be written, or its name ends in what is not .png.
+        """
+        save_png(path, self.image)
+
+
+CHANGED = ("truncated_pixels", "truncation_bound", "clamped_pixels")
+"""Stats that a technique may know better than the batches do."""
+
+
+def stats_of(
+    request: Request,
+    triangles: Triangles,
+    drawn: Sequence[Drawn],
+    finished: Finished,
+    clamped_pixels: int,
+    picture: Picture,
+    clock: Clock,
+) -> Stats:
+    """What the picture took, so far: of all batches together. Stops the clock."""
+    seconds, kernel_seconds = clock.stop()
+    technique, gpu = request.technique, clock.gpu
+    layers_max = max(part.layers_max for part in drawn)
+    samples_passed = sums((part.keys, part.samples_passed) for part in drawn)
+    passed = sum(count > 0 for count in samples_passed)
+    buffers = {"scene": triangles.scene.nbytes, **{name: int(held.size) for name, held in gpu.buffers.items()}}
+    if picture.values is not None:
+        buffers["values"] = picture.values.nbytes
+    width, height = request.picture.size
+    own = dict(finished.stats)
+    changed: dict[str, Any] = {name: own.pop(name) for name in CHANGED if name in own}
+    return Stats(
+        technique=technique.name,
+        depth_format=request.picture.depth_format,
+        passes=max(min(technique.least_passes, len(samples_passed)), passed),
+        passes_issued=len(samples_passed),
+        samples_passed=samples_passed,
+        size=[width, height],
+        samples=request.picture.samples,
+        triangles=triangles.faces,
+        clipped=triangles.clipped,
+        discarded=triangles.discarded,
+        fragments=sum(part.fragments for part in drawn),
+        layers_max=layers_max,
+        opaque_samples=sum(part.opaque_samples for part in drawn),
+        truncated_pixels=changed.get("truncated_pixels", sum(part.truncated_pixels for part in drawn)),
+        truncation_bound=changed.get("truncation_bound", max(part.hidden for part in drawn)),
+        clamped_pixels=changed.get("clamped_pixels", clamped_pixels),
+        batches=len(drawn),
+        seconds=seconds,
+        seconds_per_pass=seconds_per_pass(seconds.get(technique.name, 0.0), drawn),
+        kernel_seconds=kernel_seconds,
+        bytes=buffers,
+        bytes_per_pixel=sum(buffers.values()) / (width * height),
+        buffer_bytes_per_pixel=technique.buffer_bytes(layers_max, request.options)
+        + (opaque_bytes(request.options) if triangles.features.surfaces == "mixed" else 0),
+        device=gpu.device.name.strip(),
+        lanes=gpu.lanes,
+        notes=list(triangles.scene.scene.notes),
+        technique_stats=own,
+    )
+
+
+def sums(parts: Iterable[tuple[tuple[tuple[int, int], ...], tuple[int, ...]]]) -> list[int]:
+    """Sums of the parts' numbers, key by key, in the order of the keys: a part may lack some."""
+    found: Counter[tuple[int, int]] = Counter()
+    for keys, numbers in parts:
+        for key, number in zip(keys, numbers, strict=True):
+            found[key] += number
+    return [found[key] for key in sorted(found)]
+
+
+def seconds_per_pass(seconds: float, found: Sequence[Drawn]) -> list[float]:
+    """What each geometry pass took of the technique's seconds; the rest is composition, and opaque surfaces."""
+    issued = len({key for drawn in found for key in drawn.keys})
+    ticks = sum(drawn.ticks for drawn in found)
+    if ticks == 0 or issued == 0:
+        return [seconds / max(issued, 1)] * issued
+    return [seconds * part / ticks for part in sums((drawn.keys, drawn.pass_ticks) for drawn in found)]

@@ -1,0 +1,322 @@
+"""Comparing: every technique draws one view, timed and judged by what float64 makes of the same fragments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.checks import Rgb, whole_number
+from clpeel.errors import InputError
+from clpeel.options import Options, options_of
+from clpeel.pictures.layers import Layers
+from clpeel.pictures.png import STEP
+from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
+from clpeel.rendering.renderer import Renderer
+from clpeel.rendering.request import Progress, check_picture_fits
+from clpeel.rendering.result import Result
+from clpeel.scene.camera import Camera
+from clpeel.scene.scene import Scene
+from clpeel.study.comparison import Comparison, Interrupted, Row, named, shown
+from clpeel.techniques import TECHNIQUES, AnyTechnique
+from clpeel.techniques.peeling import MAX_PASSES
+from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, Blending
+
+MOST_FRAMES = 10_000
+HOST_BYTES = 8 * 4 * 3
+"""A pixel's, about: the truth and what it is made of, float64."""
+
+
+def compare(
+    scene: Scene,
+    camera: Camera | None = None,
+    size: Size = (1024, 1024),
+    techniques: Iterable[str] | None = None,
+    precisions: Iterable[str] | None = None,
+    budgets: Iterable[int] = (),
+    frames: int = 5,
+    *,
+    background: Sequence[float] | str = (1, 1, 1),
+    lighting: Lighting = "none",
+    opaque: Opaque = "first",
+    memory: int | str | None = None,
+    device: int | str | None = None,
+    lanes: int | None = None,
+    pictures: bool = False,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Draws the view by every technique and compares the pictures with the truth, and the times with each other.
+
+    techniques: names in `clpeel.techniques.TECHNIQUES` of those that make this picture, not a map; all by default.
+    precisions: of the colour buffers; by default float32 and that of the technique's paper. budgets: numbers of
+    `passes` to stop after, of those that have the option, besides not stopping them. frames: how many are timed of each
+    row, after one that is not; rows take turns, so that a machine that slows down slows all. pictures: whether rows
+    keep `image` and `error`, which `to_html` shows. The others are as of `render`; there is one sample a pixel, and two
+    renderers, each of which keeps to `memory`. Raises InputError on any of these that cannot be, and Interrupted, a
+    KeyboardInterrupt with the rows that are finished, on Ctrl-C.
+    """
+    names, chosen_precisions = check_choice(techniques, precisions)
+    limits = sorted({whole_number("budgets", budget, MAX_PASSES) for budget in budgets})
+    frames = whole_number("frames", frames, MOST_FRAMES)
+    picture = PictureOptions(size=size, background=background, lighting=lighting, opaque=opaque, memory=memory)
+    if picture.over is None:
+        raise InputError("background: expected 3 numbers 0..1, as errors are of the picture over it; got None")
+    check_picture_fits(picture.size, HOST_BYTES)
+    trials, notes = trials_of(names, chosen_precisions, limits)
+    if camera is None:
+        camera = Camera.frame(scene, aspect=picture.size[0] / picture.size[1])
+    bench = _Bench(scene, camera, picture, device, lanes, progress, 1 + len(trials) * (2 + frames))
+    comparison, own_notes = bench.truth()
+    skipped = [made.name for made in TECHNIQUES.values() if made.maps and techniques is None]
+    notes = [*own_notes, *notes]
+    if skipped:
+        notes.append(f"left out, as they make maps and not this picture: {', '.join(skipped)}")
+    try:
+        bench.measure(trials, comparison, frames, pictures)
+    except KeyboardInterrupt:
+        finished = _with_rows(comparison, trials, [*notes, "interrupted"])
+        if not finished.rows:
+            raise
+        raise Interrupted(finished) from None
+    return _with_rows(comparison, trials, notes)
+
+
+# --- what is compared -------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Trial:
+    """A row in the making: found is what its picture told, once there is one; seconds those of its frames."""
+
+    technique: AnyTechnique
+    options: dict[str, Any]
+    found: dict[str, Any] = field(default_factory=dict)
+    seconds: list[float] = field(default_factory=list)
+
+    def row(self) -> Row:
+        """The row, of what has been found so far."""
+        return Row(
+            technique=self.technique.name,
+            precision=self.options.get("precision"),
+            budget=self.options.get("passes"),
+            exact=self.technique.exact,
+            seconds=tuple(self.seconds),
+            **self.found,
+        )
+
+    @property
+    def name(self) -> str:
+        """As of the row."""
+        return named(self.technique.name, self.options.get("precision"), self.options.get("passes"))
+
+
+def _chosen(name: str, values: Iterable[str] | None, known: Sequence[str]) -> list[str]:
+    """Those of the known that are among the values, in their own order; all for None. Raises InputError."""
+    if isinstance(values, str):
+        values = [values]
+    asked = list(known) if values is None else list(values)
+    for value in asked:
+        if value not in known:
+            raise InputError(f"{name}: expected some of {', '.join(known)}; got {value!r}")
+    if not asked:
+        raise InputError(f"{name}: expected at least one of {', '.join(known)}; got none")
+    return [value for value in known if value in asked]
+
+
+def check_choice(
+    techniques: Iterable[str] | None, precisions: Iterable[str] | None
+) -> tuple[list[str], list[str] | None]:
+    """Those that `compare` takes of each, in the registry's order. Raises InputError where there is no such.
+
+    Of precisions None where none are asked for: each technique's own then, float32 and its paper's.
+    """
+    comparable = [made.name for made in TECHNIQUES.values() if not made.maps]
+    names = _chosen("techniques", techniques, comparable)
+    return names, None if precisions is None else _chosen("precisions", precisions, list(PRECISIONS))
+
+
+def trials_of(
+    names: Iterable[str], precisions: Sequence[str] | None, budgets: Sequence[int]
+) -> tuple[list[Trial], list[str]]:
+    """Techniques x precisions x budgets, each where the technique has that option; and notes of what it refuses."""
+    trials, notes = [], []
+    for technique in map(TECHNIQUES.__getitem__, names):
+        own: Sequence[str | None] = [None]
+        if issubclass(technique.options, Blending):
+            own = precisions or list(dict.fromkeys((DEFAULT_PRECISION, technique.paper_precision)))
+        peels = "passes" in technique.option_names
+        for precision, budget in product(own, [None, *budgets] if peels else [None]):
+            asked = {"precision": precision, "passes": budget}
+            trial = Trial(technique, {name: value for name, value in asked.items() if value is not None})
+            refusal = None if budget is None else refused(technique.options, budget)
+            if refusal is None:
+                trials.append(trial)
+            else:
+                notes.append(f"left out: {trial.name}: {refusal}")
+    return trials, notes
+
+
+def refused(options: type[Options], passes: int) -> InputError | None:
+    """Why a technique cannot stop after so many passes, where it has a limit of its own."""
+    (limit,) = (each for each in options_of(options) if each.name == "passes")
+    try:
+        limit.checked(passes)
+    except InputError as error:
+        return error
+    return None
+
+
+def _with_rows(comparison: Comparison, trials: Iterable[Trial], notes: Iterable[str]) -> Comparison:
+    return replace(comparison, rows=[trial.row() for trial in trials if trial.seconds], notes=tuple(notes))
+
+
+# --- how it is measured -----------------------------------------------------------------------------------------------
+
+
+class _Bench:
+    """Two renderers of the view.
+
+    `judge` gives its memory back before each picture, so that it shows what each technique takes. With `clock` nothing
+    is allocated in a frame that is timed.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        picture: PictureOptions,
+        device: int | str | None,
+        lanes: int | None,
+        progress: Progress | None,
+        steps: int,
+    ) -> None:
+        self.picture = picture
+        self.judge, self.clock = Renderer(scene, device, lanes), Renderer(scene, device, lanes)
+        self.progress, self.steps, self.done = progress, steps, 0
+        self.view: dict[str, Any] = {
+            "camera": camera,
+            "size": picture.size,
+            "background": picture.over,
+            "lighting": picture.lighting,
+            "opaque": picture.opaque,
+            "memory": picture.memory,
+        }
+
+    def _report(self, text: str, part: float = 0.0) -> None:
+        if self.progress is not None:
+            self.progress((self.done + part) / self.steps, text)
+
+    def _judged(self, text: str, technique: AnyTechnique, **options: Any) -> Result:
+        """A picture by the renderer that keeps nothing."""
+        within = None if self.progress is None else lambda part, _: self._report(text, part)
+        self.judge.gpu.release(*list(self.judge.gpu.buffers))
+        result = self.judge.render(**self.view, technique=technique.name, progress=within, **options)
+        self.done += 1
+        return result
+
+    def truth(self) -> tuple[Comparison, list[str]]:
+        """The comparison without rows, and the notes of its picture."""
+        exact = next(made for made in TECHNIQUES.values() if made.exact and made.sorts)
+        result = self._judged("blending in float64", exact, layers=True)
+        assert self.picture.over is not None
+        comparison = Comparison(
+            rows=[],
+            truth=true_colors(result.layers),
+            background=self.picture.over,
+            lighting=self.picture.lighting,
+            opaque=self.picture.opaque,
+            triangles=result.stats.triangles,
+            fragments=int(len(result.layers.depth)),
+            layers_max=result.layers.count,
+            device=result.stats.device,
+            lanes=result.stats.lanes,
+        )
+        scene = self.judge.scene
+        return comparison, [note for note in result.stats.notes if note not in scene.notes]
+
+    def measure(self, trials: Sequence[Trial], comparison: Comparison, frames: int, pictures: bool) -> None:
+        """Judges a picture of each trial, and times its frames. Trials take turns after the first frame."""
+        right, right_image = shown(comparison.truth, comparison.background), comparison.truth_image()
+        for trial in trials:
+            result = self._judged(f"{trial.name}: its error", trial.technique, **trial.options)
+            trial.found = judged(result, right, right_image, comparison.background, pictures)
+            del result
+            self._time(trial, 0, frames)
+            self._time(trial, 1, frames)
+        for number in range(2, frames + 1):
+            for trial in trials:
+                self._time(trial, number, frames)
+        self.done = self.steps
+        self._report("done")
+
+    def _time(self, trial: Trial, number: int, frames: int) -> None:
+        """Draws a frame; the one with the number 0 is not timed."""
+        self._report(f"{trial.name}: frame {number} of {frames}")
+        drawn = self.clock.render(**self.view, technique=trial.technique.name, keep_color=False, **trial.options)
+        if number:
+            trial.seconds.append(drawn.stats.seconds["total"])
+        self.done += 1
+
+
+def true_colors(layers: Layers) -> NDArray[np.float64]:
+    """The layers, back to front, each over what is behind it: float64 [height, width, 4], premultiplied."""
+    width, height = layers.size
+    color = np.zeros((height * width, 4))
+    count = np.diff(layers.start)
+    for k in reversed(range(layers.count)):
+        pixels = np.flatnonzero(count > k)
+        source = layers.color[layers.start[pixels] + k].astype(np.float64)
+        alpha = source[:, 3:]
+        source[:, :3] *= alpha
+        color[pixels] = source + (1 - alpha) * color[pixels]
+    return color.reshape(height, width, 4)
+
+
+def flip_error(truth: NDArray[np.uint8], image: NDArray[np.uint8]) -> float | None:
+    """The mean of FLIP between two pictures [height, width, 4] in sRGB, or None without flip-evaluator."""
+    try:
+        from flip_evaluator import evaluate
+    except ImportError:
+        return None
+    if (truth == image).all():
+        return 0.0
+    reference, test = (
+        np.ascontiguousarray(picture[..., :3], np.float32) / np.float32(255) for picture in (truth, image)
+    )
+    return float(evaluate(reference, test, "LDR", applyMagma=False)[1])
+
+
+def judged(
+    result: Result,
+    right: NDArray[np.float64],
+    right_image: NDArray[np.uint8],
+    background: Rgb,
+    pictures: bool,
+) -> dict[str, Any]:
+    """Of a result, the figures of `Row` that one picture tells; right, right_image: the truth as it is shown."""
+    stats = result.stats
+    error = np.abs(shown(result.color, background) - right)
+    error[np.isnan(error)] = 1
+    mean_square = float(np.mean(error * error))
+    worst = error.max(axis=-1)
+    return {
+        "passes": stats.passes,
+        "bytes_per_pixel": stats.buffer_bytes_per_pixel,
+        "memory_bytes": int(sum(stats.bytes.values())),
+        "max_error": float(worst.max()),
+        "rms_error": math.sqrt(mean_square),
+        "psnr": -10 * math.log10(mean_square) if mean_square > 0 else math.inf,
+        "share_above_1": float(np.mean(worst > STEP)),
+        "share_above_8": float(np.mean(worst > 8 * STEP)),
+        "flip": flip_error(right_image, result.image),
+        "truncated_pixels": stats.truncated_pixels,
+        "truncation_bound": stats.truncation_bound,
+        "clamped_pixels": stats.clamped_pixels,
+        "image": result.image.copy() if pictures else None,
+        "error": worst.astype(np.float32) if pictures else None,
+    }

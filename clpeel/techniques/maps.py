@@ -1,0 +1,64 @@
+"""Maps: what techniques have in common that measure something of every pixel and show it in colours with a scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from clpeel.options import Options, option
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from clpeel.checks import Rgb
+    from clpeel.stages.composite import Picture
+
+STRIP_PIXELS = 1 << 20
+"""Pixels that are coloured at once, which bounds what that takes besides the picture."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapOptions(Options):
+    """The options of all techniques whose picture is a map in colours."""
+
+    scale_bar: bool = option(True, help="show a scale bar in the picture of a map")
+
+
+def paint(
+    picture: Picture,
+    background: Rgb | None,
+    shown: NDArray[np.floating],
+    covered: NDArray[np.float32],
+    unpaired: NDArray[np.float32] | None = None,
+) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None]:
+    """A map in colours over the background: the image and the premultiplied colour of a `Result`.
+
+    shown: [height, width], 0..1 along the colour map. covered: [height, width], the share of a pixel that is not
+    background. unpaired: [height, width], the share of it that has the colour OUTSIDE, which is not in the map.
+    """
+    import numpy as np
+
+    from clpeel.pictures.colormap import OUTSIDE, colors_at
+
+    height, width = shown.shape
+    image = np.empty((height, width, 4), np.uint8)
+    image[...] = (0, 0, 0, 0) if background is None else (np.array([*background, 1.0]) * 255 + 0.5).astype(np.uint8)
+    color = None if picture.color is None else np.zeros((height, width, 4), np.float32)
+    rows = max(STRIP_PIXELS // width, 1)
+    for top in range(0, height, rows):
+        row, column = np.nonzero(covered[top : top + rows] > 0)
+        row += top
+        share = covered[row, column][:, None]
+        rgb = colors_at(shown[row, column])
+        if unpaired is not None:
+            outside = unpaired[row, column][:, None] / share
+            rgb = rgb * (1 - outside) + OUTSIDE * outside
+        if color is not None:
+            color[row, column] = np.concatenate([rgb * share, share], axis=-1)
+        if background is None:
+            over = np.concatenate([rgb, share], axis=-1)
+        else:
+            over = np.concatenate([rgb * share + (1 - share) * np.array(background), np.ones_like(share)], axis=-1)
+        image[row, column] = (over * 255 + 0.5).astype(np.uint8)
+    return image, color

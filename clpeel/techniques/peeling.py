@@ -1,0 +1,34 @@
+"""Peeling: what all techniques have in common that go over the geometry until nothing is left to peel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from clpeel.errors import InputError
+from clpeel.options import count, option
+from clpeel.techniques.precision import Bounded
+
+CoincidentName = Literal["keep", "paper"]
+
+MAX_PASSES = 1 << 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peeling(Bounded):
+    """The options of all techniques that peel.
+
+    coincident: of fragments of equal depth "keep" keeps all, in the order of submission, and "paper" the first alone,
+    as the papers do.
+    """
+
+    passes: int | None = option(None, count(MAX_PASSES), help="peel so many times and stop, where the technique peels")
+    occlusion_query: bool = option(True, help="stop the passes where one finds nothing")
+    coincident: CoincidentName = option("keep", help="of equal depths keep all fragments, or the first alone")
+
+    def check_together(self) -> None:
+        """Raises InputError where nothing would end the passes."""
+        if self.passes is None and not self.occlusion_query:
+            raise InputError(
+                "occlusion_query: expected passes=N with it off, as nothing else ends the passes; got no passes"
+            )
