@@ -409,10 +409,10 @@ def test_render_is_asked_for_what_the_options_say(mesh: Path, fake: Any, tmp_pat
         (1, 1, 1),
     )
     assert (plain.device, plain.lanes) == (None, None)
-    assert not vars(plain).keys() & {"memory", "samples", "opaque"}  # what is not given keeps its default
+    assert not vars(plain).keys() & {"memory", "opaque"}  # what is not given keeps its default
     assert (full.size, full.lighting, full.background) == ((30, 20), "none", None)
     assert (full.memory, full.device, full.lanes) == ("64M", "0", 16)
-    assert full.samples == 4
+    assert (plain.samples, full.samples) == (1, 4)
     assert len(full.scene.faces) == 4
     assert Image.open(output).size == (30, 20)
     assert capfd.readouterr() == ("", "")
