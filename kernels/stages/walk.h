@@ -1,14 +1,18 @@
-// A tile's records to its fragments, exactly: the walk that counting (raster.cl) and drawing (draw.h) share.
+// The walk: it turns the records of a tile into fragments, exactly. Counting (stages/counting.cl), windows
+// (stages/windows.cl) and drawing (frames/one_pass.h, frames/many_passes.h) share it.
 //
-// A tile's blocks of 4 x 4 pixels are cut into strips of STRIP pixels; strip s belongs to lane s % LANES, which alone writes
-// its pixels. So there is nothing to guard with atomics, and a pixel's fragments lie in submission order, either way:
+// A pixel here is one sample: where a pixel of the picture has several samples, the image that is walked is larger by
+// as much. A tile has 16 x 16 pixels, in blocks of 4 x 4. Each block is cut into strips of STRIP pixels. Strip s
+// belongs to lane s % LANES, and that lane alone writes its pixels. So no atomics are needed, and the fragments of a
+// pixel are always in submission order. They are written in one of two layouts:
 //
-//   rows     a strip's fragments side by side, a row for each layer; fixed room, and no need to know how many there are
-//   lists    pixel 0: first submitted .. last, pixel 1: ...; as long as they are
+//   rows     the fragments of a strip side by side, a row for each layer: room is fixed, and nothing is counted before
+//   lists    those of pixel 0, first submitted .. last, then those of pixel 1, ...: each list is as long as it must be
 //
-// A fragment is key << 32 | payload. key: that of its depth (depth.h). payload: its face, or its own place where that has a
-// colour of its own (`colors`). Both grow with submission, so it is one integer, whose order is (depth, submission index).
-// With FACING, which a technique defines that asks for it, the payload's lowest bit says that it is seen from behind.
+// A fragment is one integer of 64 bits, key << 32 | payload. The key is that of its depth (fragments/depth.h). The
+// payload is its face, or, where each fragment has a colour of its own, its place in `colors`. Both payloads grow with
+// submission. So the order of the integers is that of (depth, submission index). With FACING, the lowest bit of the
+// payload says whether the fragment is seen from behind. A technique that needs this defines FACING.
 #ifndef RASTER_H
 #define RASTER_H
 
@@ -27,7 +31,9 @@
 #define PAYLOAD(number, t) (number)
 #endif
 
-// The blocks with strips of this lane (a bit each), a block's place among them, the first of its pixels that the lane has.
+// --- strips and lanes -----------------------------------------------------------------------------------------------
+// LANE_BLOCKS: the blocks that have strips of this lane, a bit each. OWN: the number of a block among these.
+// FIRST_PIXEL: the first pixel of the block, 0 .. 15, that belongs to this lane.
 #if LANES <= TILE_BLOCKS
 #define LANE_BLOCKS (((1u << TILE_BLOCKS) - 1) / ((1u << LANES) - 1) << lane)
 #define OWN(block) ((block) / LANES)
@@ -38,31 +44,37 @@
 #define FIRST_PIXEL (lane * STRIP % BLOCK_PIXELS)
 #endif
 
-// Offsets of a strip's samples from its first.
+// Columns and rows of a strip's pixels, relative to its first pixel.
 #define STRIP_COLUMNS ((VECTOR(int))(IOTA) & (VECTOR(int))(BLOCK - 1))
 #define STRIP_ROWS ((VECTOR(int))(IOTA) / (VECTOR(int))(BLOCK))
 
-// A record in a tile: its edge functions, E(x, y) = dx (y - y_a) - dy (x - x_a) for the edge from corner a to corner b;
-// edge k is opposite corner k, and E is twice the area of the sub-triangle that weighs it. What makes a sample exactly on
-// an edge belong to one side only: with y down and positive area, top edges run right and left edges run up; they own
-// their samples (E >= 0), the others do not (E > 0).
+// --- records as edge functions --------------------------------------------------------------------------------------
+// The edge function of the edge from corner a to corner b is  E(x, y) = dx (y - y_a) - dy (x - x_a), in square
+// subpixels. Edge k lies opposite corner k. E is twice the area of the triangle between the edge and the sample, so it
+// is also the barycentric weight of corner k, times twice the area of the record.
 //
-// From pixel to pixel E changes by SUBPIXELS times dx or dy, so all samples have the same E modulo SUBPIXELS:
-//   E - least = SUBPIXELS F + rest,   covered: F >= 0
-// and F fits 32 bits all over the tile for records below SMALL_EXTENT. F, and so the weights, are the same integers in 64.
+// A sample exactly on an edge that two triangles share must belong to one of them only. With y down and positive area,
+// top edges run right and left edges run up. These own their samples. So `least` is 0 for them, and 1 for all other
+// edges, and inside is  E >= least.
 //
-// Records are made ready WIDE at a time, then gone through one by one.
+// From pixel to pixel E changes by SUBPIXELS times dx or dy. So all samples have the same E modulo SUBPIXELS:
+//   E - least = SUBPIXELS F + rest,   0 <= rest < SUBPIXELS,   covered: F >= 0
+// For records below SMALL_EXTENT, F fits 32 bits everywhere in the tile. Larger records take 64 bits, with the same
+// integers F and so the same weights.
+//
+// WIDE records are prepared at a time (Walks). Then they are visited one by one (Walk).
 typedef struct {
-    Longs first[3];  // F at the lane's first sample of the tile's first block
-    Ints dx[3], dy[3];  // F grows by dx a pixel further down and falls by dy a pixel further right
-    Floats rest[3];  // rest + least
+    Longs first[3];  // F of each edge at the lane's first sample of the tile's first block
+    Ints dx[3], dy[3];  // for each pixel further down F grows by dx; for each pixel further right it falls by dy
+    Floats rest[3];  // rest + least, 0 .. SUBPIXELS
     Ints small;
-    Uints blocks;  // those of the tile that its bounds reach, a bit each
-    Ints many;  // whether so many that it is worth finding out which of them it does not meet
+    Uints blocks;  // the blocks of the tile that the record's bounds reach, a bit each
+    Ints many;  // not 0 where these are more than 4: then it pays to test each block
 } Walks;
 
-// The records pairs[at] .. pairs[end - 1], as many as there is room for; returns how many (past the last, the last is done
-// again), and asks for the next ones. x, y: the lane's first sample of the tile's first block.
+// Prepares the records pairs[at] .. pairs[end - 1], WIDE of them at most, and returns how many. Elements past the last
+// one repeat it. Prefetches the records of the next call. x, y: the lane's first sample of the tile's first block, in
+// subpixels from the image's centre. tile_x, tile_y: the tile's first pixel.
 INLINE uint ready_walks(global const Triangle *triangles, global const uint *pairs, uint at, uint end, int x, int y,
                         int tile_x, int tile_y, Walks *w)
 {
@@ -85,7 +97,8 @@ INLINE uint ready_walks(global const Triangle *triangles, global const uint *pai
     }
     left = MAX(left - tile_x, (Ints)(0)) / BLOCK, right = MIN(right - tile_x, (Ints)(TILE - 1)) / BLOCK;
     top = MAX(top - tile_y, (Ints)(0)) / BLOCK, bottom = MIN(bottom - tile_y, (Ints)(TILE - 1)) / BLOCK;
-    // A row of blocks is BLOCKS_A_ROW bits: those of the columns, times one bit for each row.
+    // A row of blocks takes BLOCKS_A_ROW bits. `columns` has the bits of one such row. `rows`, after the mask, has the
+    // first bit of each row that is reached. The product repeats the columns in each of these rows.
     Uints columns = ((Uints)(2) << TO(Uints, right)) - ((Uints)(1) << TO(Uints, left));
     Uints rows = ((Uints)(2) << TO(Uints, bottom * BLOCKS_A_ROW)) - ((Uints)(1) << TO(Uints, top * BLOCKS_A_ROW));
     w->blocks = columns * (rows & (Uints)(0x1111u));
@@ -93,12 +106,12 @@ INLINE uint ready_walks(global const Triangle *triangles, global const uint *pai
     return MIN(end - at, (uint)WIDE);
 }
 
-// The same of one record, in registers.
+// One record of a Walks, in registers.
 typedef struct {
     long first[3];
     int dx[3], dy[3];
     float rest[3];
-    VECTOR(int) step[3];  // how F differs over a strip
+    VECTOR(int) step[3];  // F at each pixel of a strip, less F at its first pixel
     bool small;
 } Walk;
 
@@ -115,13 +128,15 @@ INLINE void walk_of(const Walks *walks, uint k, Walk *w)
     }
 }
 
-// Those of a record's blocks that it may meet, of a lane.
+// The blocks of the lane that record k may cover, a bit each.
 INLINE uint blocks_met(const Walks *walks, uint k, const Walk *w, int lane)
 {
     uint blocks = (uint)INT_OF(walks->blocks) & LANE_BLOCKS;
 #if STRIP == TILE_BLOCKS
     if (INT_OF(walks->many) && w->small) {
-        // All blocks at once, a block an element: the sample of each that lies farthest inside.
+        // All 16 blocks at once, one in each element: blocks lie in a tile as pixels lie in a block, so `step` times
+        // BLOCK leads from block to block. A record misses a block if F is negative even at the block's pixel farthest
+        // inside of that edge.
         VECTOR(int) met = (VECTOR(int))(-1);
         UNROLL for (int j = 0; j < 3; ++j) {
             int inside = (int)w->first[j] + (BLOCK - 1) * (MAX(w->dx[j], 0) - MIN(w->dy[j], 0));
@@ -133,7 +148,8 @@ INLINE uint blocks_met(const Walks *walks, uint k, const Walk *w, int lane)
     return blocks;
 }
 
-// Coverage of the lane's strip of a block: -1 or 0 a sample, and the barycentric weights times twice the area.
+// Which pixels of the lane's strip of a block are covered: -1, or 0 where not. weight: the barycentric weights there,
+// times twice the area in square subpixels.
 INLINE VECTOR(int) cover(const Walk *w, int block, VECTOR(float) weight[3])
 {
     VECTOR(int) covered = (VECTOR(int))(-1);
@@ -155,14 +171,18 @@ INLINE VECTOR(int) cover(const Walk *w, int block, VECTOR(float) weight[3])
     return covered;
 }
 
-// Which samples of a strip are in the image, where a tile reaches beyond it: a triangle may, too.
+// Which pixels of a strip are in the image: -1, or 0 where not. A tile at the right or lower border may reach beyond
+// the image, and so may a triangle. columns_left, rows_left: pixels from the tile's first pixel to the border.
 INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left)
 {
     int column = block % BLOCKS_A_ROW * BLOCK + FIRST_PIXEL % BLOCK, row = block / BLOCKS_A_ROW * BLOCK + FIRST_PIXEL / BLOCK;
     return STRIP_COLUMNS < (VECTOR(int))(columns_left - column) & STRIP_ROWS < (VECTOR(int))(rows_left - row);
 }
 
-// What every walk begins with: list_begin and list_end, the places of the tile's records that are to be visited.
+// --- the walk itself ------------------------------------------------------------------------------------------------
+// What every walk begins with. tile: its number in the batch. It sets list_begin and list_end, the places in `pairs` to
+// visit; tile_x and tile_y, the tile's first pixel; x and y, the lane's first sample in subpixels from the image's
+// centre; and `beyond`, whether the tile reaches beyond the image.
 #define ENTER_TILE                                                                                              \
     int lane = get_local_id(0);                                                                                 \
     uint list_begin = pair_start[tile], list_end = pair_start[tile + 1];                                        \
@@ -170,9 +190,13 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
     int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
     bool beyond = tile_x + TILE > width || tile_y + TILE > height;
 
-// Visits each of these blocks that a record of the tile may cover, record by record in submission order. Between VISITS and
-// END_VISITS there are `place`, the record's in the lists, the record `t`, `block`, and of the lane's strip of it which
-// samples are `covered`, and their barycentric `weight`s.
+// Visits the `wanted` blocks (a bit each) that a record of the tile may cover, record by record in submission order.
+// The code between VISITS and END_VISITS has these names:
+//   place      of the record in `pairs`
+//   t          the record
+//   block      the block's number, 0 .. 15
+//   covered    which pixels of the lane's strip of this block the record covers: -1, or 0 where not
+//   weight     their barycentric weights, times twice the area
 #define VISITS(wanted)                                                                                          \
     for (uint at = list_begin; at < list_end; at += WIDE) {                                                     \
         Walks walks;                                                                                            \
@@ -193,7 +217,8 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
         }                                                                                                       \
     }
 
-// The depth keys of a strip's samples: the record's plane there, within the exact triangle's own depths.
+// The depth keys of a strip's pixels. The depth is that of the record's plane, clamped to the depths of the exact
+// triangle.
 INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight[3], float depth_scale)
 {
     VECTOR(float) depth = t->depth[0] + (weight[1] * t->depth[1] + weight[2] * t->depth[2]) * t->inverse_area;
@@ -203,8 +228,9 @@ INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight
 }
 
 #if FRAGMENT_COLOR
-// Samples of a record that are shaded at once, consecutive ones of a strip: where a lane works alone it has vectors, whose
-// elements are computed whether they are covered or not; else one by one.
+// --- colours that vary over a face ----------------------------------------------------------------------------------
+// SHADED consecutive pixels of a strip are shaded at once, for one record. A lane that works alone has vectors, and
+// computes all their elements, covered or not. Several lanes shade pixels one by one.
 #if LANES == 1
 #define SHADED 8
 typedef float8 Reals;
@@ -217,7 +243,8 @@ typedef float Reals;
 #define SHADED_BITS ((1u << SHADED) - 1)
 typedef struct { Reals red, green, blue, alpha; } Shades;
 
-// The barycentric weights of a record at SHADED samples, of which the first is at x, y: as VISITS has them, to the bit.
+// The barycentric weights of a record at SHADED pixels, times twice its area: the same as in VISITS, to the bit. x, y:
+// the sample of the first pixel, in subpixels from the image's centre.
 INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
 {
     for (int k = 0; k < 3; ++k) {
@@ -246,15 +273,17 @@ INLINE Reals square_root(Reals value)
     return root;
 }
 
-// Colours of a record at some samples: weight, their barycentric weights there.
+// Colours of a record at SHADED pixels. weight: their barycentric weights, times twice the area. source: its face.
+// view: the direction that the camera looks in, of length 1.
 INLINE void shade(const Reals weight[3], uint record, uint source, global const uint *faces, global const void *palette,
                   global const float *weights, global const float *normals, float3 view, Shades *shades)
 {
-    Reals vertex_weight[3];  // not yet divided by their sum
+    Reals vertex_weight[3];  // of the face's three vertices; divided by their sum below
     for (int j = 0; j < 3; ++j) {
         vertex_weight[j] = (Reals)(0.0f);
         for (int c = 0; c < 3; ++c) vertex_weight[j] += weight[c] * weights[9 * record + 3 * c + j];
-        // Snapping can push a weight below zero by 1/512 pixel's worth; colours stay within those of the corners.
+        // Snapping moves corners by up to 1/512 pixel, so a weight can be slightly negative. Clamping it keeps the
+        // colour within the colours of the corners.
         vertex_weight[j] = MAX(vertex_weight[j], (Reals)(0.0f));
     }
     Reals a = vertex_weight[0], b = vertex_weight[1], c = vertex_weight[2];
@@ -279,7 +308,7 @@ INLINE void shade(const Reals weight[3], uint record, uint source, global const 
     cosine = length2 > (Reals)(0.0f) ? cosine : (Reals)(1.0f);
     Reals light = AMBIENT + (1.0f - AMBIENT) * cosine;
 #ifdef LIGHT_IN_ALPHA
-    shades->alpha = light;  // for a technique that has no use for the alpha, and one for the colour without the light
+    shades->alpha = light;  // translucency needs no alpha, but needs colour and light apart
 #else
     shades->red *= light, shades->green *= light, shades->blue *= light;
 #endif
@@ -293,8 +322,9 @@ INLINE float4 shade_of(const Shades *shades, int k)
 }
 #endif
 
-// The colours of a strip's fragments that have a face's colour, or else the place of their record in the lists as payload:
-// colours that vary over a face are not kept then, but computed where they are needed.
+// The colours of a strip's fragments whose colours are not stored with them. payload: the fragment's face, where faces
+// have one colour; else the place of its record in `pairs`, and the colour is computed here. Pixels whose payload is
+// that of ABSENT get 0, alpha too.
 INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, int width, int height,
                       global const Triangle *triangles, global const uint *pairs, global const uint *faces,
                       global const void *palette, global const float *weights, global const float *normals, float3 view,
@@ -310,7 +340,7 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, i
             ((float *)&colors->blue)[own] = ((float *)&colors->alpha)[own] = 0.0f;
             left |= (uint)(places[own] != (uint)ABSENT) << k;
         }
-        while (left) {  // record by record: mostly one
+        while (left) {  // one record a turn; mostly there is only one
             uint at = places[first + LOWEST_BIT(left)], same = 0;
             global const Triangle *t = triangles + pairs[at];
             for (int k = 0; k < SHADED; ++k) same |= (uint)(places[first + k] == at) << k;
@@ -335,14 +365,19 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, i
 #endif
 }
 
-// Where a walk puts fragments: the next of a pixel's at its `next`, further ones `step` on, as long as that is below `room`;
-// strip s begins `strip_room` times s on. In rows: IOTA, STRIP and the room of a strip, twice. In lists: where they begin, 1,
-// what there is room for, and 0. A `next` beyond the room, or below zero, is for fragments that are left to another time.
+// --- fragments to memory --------------------------------------------------------------------------------------------
+// Where a walk writes fragments. Each pixel has a counter, `next`: the place of its next fragment, relative to where
+// its strip begins. It grows by `step`. Strip s begins at s * strip_room. A fragment whose place is
+// not below `room` is skipped, so a `next` that starts beyond it, or below zero, skips all fragments of its pixel.
+//
+//   rows     next = IOTA, step = STRIP, room = strip_room = what a strip has room for
+//   lists    next = where the pixel's list begins, step = 1, room = what all lists have room for, strip_room = 0
 typedef struct { uint step, room, strip_room; } Layout;
 
-// Emits the fragments of a tile's records from `begin` on that lie in these blocks and, where surfaces are MIXED, in front of
-// z_far (opaque.h); at the end `next` is beyond the last, whether there was room or not. sources: where the payload is a place,
-// the faces, if they are wanted; else NULL.
+// Emits the fragments of a tile's records, from place `begin` of `pairs` on, in these blocks (a bit each). If surfaces
+// are MIXED, only those in front of z_far are emitted (stages/opaque.h). At the end each `next` is what it would be
+// with room for all, so it tells how many fragments there are. sources: where fragments have colours of their own,
+// receives their faces; NULL if nobody wants them.
 INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                       uint tile, uint begin, uint first_tile, int columns, int width, int height, float depth_scale,
                       uint blocks, const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next,
