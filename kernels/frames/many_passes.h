@@ -1,34 +1,32 @@
-// Peeling: what a technique of several geometry passes is built into.
+// Many passes: the kernel of techniques that peel layers in several geometry passes.
 //
-//   peel    a work-group takes tile after tile: pass after pass over the tile's records, and then composites the picture
+//   peel    a work-group takes tile after tile: pass after pass over the tile's records, then it composites the picture
 //
-// A pass goes over all triangles, as hardware does that knows nothing of their order. It is taken tile by tile: the buffers of
-// a tile's pixels stay in the lane's own memory, and a tile is done when none of its samples would pass any more, which is
-// what an occlusion query tells of the whole picture. The last pass, whose query finds nothing, is counted but not walked: the
-// buffers tell as much. Groups take the tiles as they come to them.
+// A pass visits all records, as on hardware that knows nothing of their order. It is made tile by tile, so the buffers
+// of a tile's pixels stay in the lane's private memory. A tile is done when none of its samples would pass any more.
+// This is what an occlusion query says of a whole picture. The last pass, whose query finds nothing, is counted but not
+// made, because the buffers already tell that it would find nothing. Groups take the next tile from a shared counter.
 //
-// The technique defines, before it includes this,
-//   PEELED                                  how many layers of a pixel a pass peels
+// Before it includes this file, the technique includes fragments/comparing.h and defines
+//   PEELED                                  how many layers of a pixel one pass peels
 //   Buffers                                 what it keeps of a strip's pixels
 //   clear_buffers(buffers)
-//   begin_pass(buffers)                     returns how many samples pass that need not be looked for
-//   pass_samples(buffers, covered, fragments)   blends the fragments of a strip's covered samples into the depth buffers;
-//                                           returns those that passed
-//   peeled(buffers, i)                      payloads of the i-th layer that the pass has peeled, NO_PAYLOAD where there is none
-//   blend_peeled(buffers, i, colors)        blends it into the colour buffers
-//   end_pass(buffers, least_seen)           returns where there is more to peel; it is peeled no further where no more than
-//                                           least_seen of it could be seen
-//   seen_through(buffers)                   the transmittance of what is peeled and lies in front of what is not
-//   merge(buffers, merged)                  puts the colour buffers over premultiplied colour and transmittance
-//                                           with VALUES (buffers, merged, parameters, found): and what it finds besides, unless
-//                                           that is what BOUNDED asks for (composite.h)
+//   begin_pass(buffers)                     returns how many samples are known to pass, without being visited
+//   pass_samples(buffers, covered, fragments)   blends the fragments of a strip's covered samples into the depth
+//                                           buffers; returns which of them passed
+//   peeled(buffers, i)                      payloads of the i-th layer that the pass has peeled, or NO_PAYLOAD
+//   blend_peeled(buffers, i, colors)        blends that layer into the colour buffers
+//   end_pass(buffers, least_seen)           returns where there is more to peel; where the transmittance in front of
+//                                           that is least_seen or less, it sees to it that nothing passes any more
+//   seen_through(buffers)                   the transmittance of the peeled layers in front of those not yet peeled
+//   merge(buffers, merged)                  puts the colour buffers over `merged` (premultiplied, and transmittance)
+// With VALUES, but not with BOUNDED, the last is merge(buffers, merged, parameters, found). It also gives what the
+// technique finds besides colours (stages/composite.h).
 //
-// and, where concurrent writes may spoil a pass, REPEATS, so that it is repeated until nothing passes any more, before its layers
-// are blended:
-//   goes_round(buffers)                     ends one of these; returns 1 + the number of a pixel for which there is no end to
-//                                           them, or 0
-//
-// It includes peeling.h first, for what all of them do with fragments.
+// Concurrent writes may spoil a pass. A technique that simulates this defines REPEATS. Then a pass is repeated until
+// nothing passes any more, and only then are its layers blended. Such a technique also defines
+//   goes_round(buffers)                     ends one such pass; returns 0, or 1 + the number in the strip of a pixel
+//                                           whose passes would be repeated without end
 #ifndef PEEL_H
 #define PEEL_H
 
@@ -39,11 +37,16 @@
 #define REPEATS 0
 #endif
 
-// pass_totals: of each pass the samples that passed and the ticks it took, two words each; at last, the ticks of it all. With
-// REPEATS, a peel may take `most_repeats` passes, and those of the n-th begin at n times that, however many it takes.
-// tile_totals: of each tile, its fragments, the layers peeled of its deepest pixel, its passes (with REPEATS, 1 + the number
-// of a pixel for which there is no end to them), its truncated pixels, the greatest transmittance of those (a float's bits),
-// and samples with an opaque surface.
+// Totals are words of 32 bits.
+//   pass_totals    4 for each pass: samples that passed (low word, high word), ticks that it took (low, high); at last,
+//                  behind those of most_passes passes, the ticks of the whole (low, high)
+//   tile_totals    PEEL_TOTALS for each tile: its fragments; the layers peeled of its deepest pixel; its passes; its
+//                  truncated pixels; the greatest transmittance of those, as the bits of a float; its samples with an
+//                  opaque surface
+//
+// With REPEATS, each peel has room for `most_repeats` passes in pass_totals, however many it takes: those of peel n
+// begin at n * most_repeats. The word for passes is then 0, or 1 + the number of a pixel whose passes would be repeated
+// without end.
 kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                  float depth_scale, global const uint *faces, global const void *palette, global const float *weights,
@@ -80,13 +83,14 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                                 faces, palette, weights, normals, view, z_far, behind);
         }
         Buffers buffers[STRIPS_A_LANE];
-        VECTOR(int) more[STRIPS_A_LANE], stopped[STRIPS_A_LANE];  // stopped: where least_seen has left some out
+        VECTOR(int) more[STRIPS_A_LANE], stopped[STRIPS_A_LANE];  // stopped: where least_seen left layers unpeeled
         VECTOR(uint) layers[STRIPS_A_LANE];
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
             clear_buffers(buffers + own);
             more[own] = stopped[own] = (VECTOR(int))(0), layers[own] = (VECTOR(uint))(0);
         }
         uint fragments = 0, pass = 0, passed = 0, endless = 0;
+        // --- the passes ---------------------------------------------------------------------------------------------
         bool left_over = true;
         while (pass < most_passes && (left_over || !occlusion_query)) {
             ulong begun = TICKS();
@@ -118,7 +122,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 left_over = true;
                 continue;
             }
-            passed = pass % most_repeats > 1;  // whether the first of these passes found something
+            passed = pass % most_repeats > 1;  // at least two passes, so the first of them found something
             pass += most_repeats - pass % most_repeats;
             for (int own = 0; own < STRIPS_A_LANE && !passed; ++own) more[own] = (VECTOR(int))(0);
 #endif
@@ -141,6 +145,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             }
             if (!REPEATS && lane == 0) add_long(totals_of_pass + 2, TICKS() - begun);
         }
+        // --- merging the buffers, and totals ------------------------------------------------------------------------
         uint truncated = 0, deepest = 0, hidden = 0;
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
             Colors merged = MIXED ? behind[own] : clear;

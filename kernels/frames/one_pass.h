@@ -1,27 +1,29 @@
-// Drawing: what a technique that goes through a pixel's fragments once is built into.
+// One pass: the kernel of techniques that need each pixel's fragments once, such as sort and the weighted ones.
 //
-//   draw    a work-group draws tile after tile: emits the fragments, resolves them, composites the picture
+//   draw    a work-group draws tile after tile: it emits the fragments, resolves them, and composites the picture
 //
-// Groups take the tiles as they come to them, so that all have work to the end, whichever tiles are full.
-// A group's tiles put their fragments one after the other into the same place, `slab` long, where they are read while they
-// are still in the device's caches: they never cross its memory.
+// Groups take the next tile from a shared counter. So all of them have work to the end, even if a few tiles hold most
+// fragments. All tiles of a group use the same slab of memory, which has room for `slab` fragments. There a tile's
+// fragments are read while they are still in the device's caches, and need not travel through its memory.
 //
-// First all fragments go into rows of `rows` layers (raster.h), so that nothing needs to be counted before. Strips with more
-// layers than that, or than RUN_MAX, are then emitted again, into lists, as many pixels at once as the slab holds. A tile with
-// a pixel that it does not hold is left out, and drawn when it is asked for again with a larger one.
+// First all fragments of a tile go into rows of `rows` layers (stages/walk.h), so nothing has to be counted before.
+// Some strips may have more layers than that, or than RUN_MAX. Their fragments are then emitted again, into lists, for
+// as many pixels at once as the slab has room for. A tile is skipped if a single pixel of it does not fit the slab. The
+// host then launches this kernel again with a larger slab, for these tiles only.
 //
-// The technique defines, before it includes this,
+// Before it includes this file, the technique defines
 //   resolve_strip(fragments, scratch, begin, step, count, colors, resolved)
-// which blends the count[k] fragments at begin[k], begin[k] + step, ... of a strip's pixels into `resolved`, from premultiplied
-// colour 0 and transmittance 1.
-// With VALUES it gets two more, (..., resolved, parameters, found): what it finds of a pixel besides (composite.h), from 0, and
-// what it is told for that.
+//
+// This blends the fragments of a strip into `resolved`, which comes with premultiplied colour 0 and transmittance 1.
+// The count[k] fragments of pixel k are at begin[k], begin[k] + step, ... A technique with VALUES gets two arguments
+// more, (..., resolved, parameters, found): numbers of its own, and where it puts what it finds besides colours
+// (stages/composite.h), which comes as NOTHING.
 #ifndef DRAW_H
 #define DRAW_H
 
 #include "stages/opaque.h"
 
-// Puts those of a strip's pixels that are `here` into place.
+// Copies a strip to its place in the tile, but only the pixels where `here` is -1.
 INLINE void put_where(VECTOR(int) here, const Colors *strip, local Colors *place)
 {
     place->red = here ? strip->red : place->red;
@@ -30,8 +32,10 @@ INLINE void put_where(VECTOR(int) here, const Colors *strip, local Colors *place
     place->alpha = here ? strip->alpha : place->alpha;
 }
 
-// tile_totals: fragments of the tile, of its deepest pixel, and samples with an opaque surface. layers_before: only tiles
-// deeper than that, if it is not 0.
+// layers_before: 0, or else only tiles whose deepest pixel has more layers than this are drawn; the launch before has
+// put that number into tile_totals. rows, slab: layers of a strip, and fragments of a group, that there is room for.
+// tile_totals, one for each tile of the batch: x fragments, y layers of the deepest pixel, z samples with an opaque
+// surface.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                  uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                  float depth_scale, global const uint *faces, global const void *palette, global const float *weights,
@@ -46,7 +50,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     local Found found[TILE_PIXELS / STRIP];
     const Found nothing = NOTHING;
 #endif
-    local uint ends[TILE_PIXELS] __attribute__((aligned(64)));  // inclusive prefix sum of the lists' room
+    // Where each pixel's list ends among those of the tile: inclusive prefix sums of the lengths, gaps included.
+    local uint ends[TILE_PIXELS] __attribute__((aligned(64)));
     local uint taken, total, deepest, solid;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     const float3 view = (float3)(view_x, view_y, view_z);
@@ -78,6 +83,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 found[own * LANES + lane] = nothing;
 #endif
             }
+        // The first turn takes all pixels, in rows. Each further turn takes the pixels first .. last, in lists.
         bool lists = false;
         uint first = 0, last = TILE_PIXELS - 1;
         while (wanted && !empty && first < TILE_PIXELS) {
@@ -86,6 +92,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             uint blocks = (1u << TILE_BLOCKS) - 1, start = 0;
             for (uint own = 0; own < STRIPS_A_LANE; ++own) next[own] = (VECTOR(uint))(IOTA);
             if (lists) {
+                // As many pixels as the slab holds. Pixels without a list start beyond the room, so they emit nothing.
                 layout = (Layout){1, slab, 0};
                 start = first ? ends[first - 1] : 0, blocks = 0;
                 last = TILE_PIXELS - 1;
@@ -119,6 +126,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                     for (int k = 0; k < STRIP; ++k) sum += ((const uint *)&count)[k];
                     most = MAX(most, layers);
                     VECTOR(int) listed = count > (VECTOR(uint))(0) && (VECTOR(int))(layers > held ? -1 : 0);
+                    // A strip with too many layers is left to the lists: the lengths of its lists are noted here, and
+                    // summed below.
                     *(local VECTOR(uint) *)(ends + p) = listed ? count + LIST_GAP : (VECTOR(uint))(0);
                     if (layers > held) count = (VECTOR(uint))(0);
                 }
