@@ -1,16 +1,18 @@
-// The blend equations of the papers, as the hardware's fixed function would do them, for STRIP pixels at once.
+// The blend equations of the papers, as the hardware's fixed function would compute them, for STRIP pixels at once.
 #ifndef BLENDING_H
 #define BLENDING_H
 
 #include "base/common.h"
 
-// Colours are blended into buffers of PRECISION (clpeel/blending.py), where each blend's result is rounded as it is stored:
+// Colours are blended into buffers of PRECISION (clpeel/techniques/precision.py). The result of each blend is rounded
+// as it is stored:
 //
 //   0   float32
-//   1   16-bit floats: to the nearest, halves to even; beyond 65504 infinity
-//   2   8 bits, from 0 to 1 in 255 steps: times 255, and a half more, without its fraction; clamped
+//   1   16-bit floats: to the nearest, halves to even; 65520 and more become infinity
+//   2   8 bits, 255 steps from 0 to 1: times 255, plus one half, fraction dropped; clamped to 255
 //
-// FULL is what stands for 1 there: steps are whole numbers, whose halves are exact.
+// FULL is the number that stands for 1 in a buffer. With 8 bits a buffer counts in steps of 1/255, because whole
+// numbers and their halves are exact.
 #ifndef PRECISION
 #define PRECISION 0
 #endif
@@ -20,21 +22,22 @@
 #define FULL 1.0f
 #endif
 
-// Colours side by side, a pixel an element. As what is blended into, `alpha` is the transmittance that is left.
+// The colours of a strip, one pixel in each element. Where it is blended into, `alpha` is the transmittance left.
 typedef struct { VECTOR(float) red, green, blue, alpha; } Colors;
 
-// What a buffer of 16-bit floats keeps of a number that is not negative.
+// --- rounding to a buffer's precision -------------------------------------------------------------------------------
+// What a buffer of 16-bit floats stores of a number that is not negative.
 INLINE VECTOR(float) to_half(VECTOR(float) value)
 {
     VECTOR(uint) bits = PASTE(as_, VECTOR(uint))(value);
     VECTOR(uint) even = (bits + (VECTOR(uint))(0xFFF) + (bits >> (VECTOR(uint))(13) & (VECTOR(uint))(1))) & (VECTOR(uint))(~0x1FFFu);
     VECTOR(float) rounded = PASTE(as_, VECTOR(float))(even);
     rounded = rounded >= (VECTOR(float))(65536.0f) ? (VECTOR(float))(INFINITY) : rounded;
-    // Below 2^-14 they lie 2^-24 apart, as floats do from 0.5 on.
+    // Below 2^-14, 16-bit floats lie 2^-24 apart. So do float32 numbers from 0.5 to 1. So adding 0.5 rounds as needed.
     return value < (VECTOR(float))(0x1p-14f) ? (value + 0.5f) - 0.5f : rounded;
 }
 
-// What one of 8 bits keeps, in steps.
+// What a buffer of 8 bits stores of a number that is not negative, both in steps of 1/255.
 INLINE VECTOR(float) to_step(VECTOR(float) value)
 {
     return CONVERT(float, STRIP, CONVERT(int, STRIP, MIN(value + 0.5f, (VECTOR(float))(255.0f))));
@@ -48,7 +51,8 @@ INLINE VECTOR(float) to_step(VECTOR(float) value)
 #define KEPT(value) (value)
 #endif
 
-// A buffer before anything is blended into it: all that lies behind is seen, or, for sums, nothing is there.
+// A buffer before anything is blended into it: nothing is there, and everything behind is seen. In a buffer for sums,
+// alpha is a sum too, and begins at 0.
 INLINE void clear_buffer(Colors *buffer)
 {
     buffer->red = buffer->green = buffer->blue = (VECTOR(float))(0.0f);
@@ -56,14 +60,14 @@ INLINE void clear_buffer(Colors *buffer)
 }
 INLINE void clear_sums(Colors *buffer) { buffer->red = buffer->green = buffer->blue = buffer->alpha = (VECTOR(float))(0.0f); }
 
-// A colour as a buffer keeps it.
+// Stores a colour, 0..1, as a buffer keeps it.
 INLINE void store_color(Colors *buffer, const Colors *color)
 {
     buffer->red = KEPT(color->red * FULL), buffer->green = KEPT(color->green * FULL);
     buffer->blue = KEPT(color->blue * FULL), buffer->alpha = KEPT(color->alpha * FULL);
 }
 
-// One channel of a buffer, as a number; and all four.
+// One channel of a buffer as a number 0..1, and all four channels.
 INLINE VECTOR(float) read_channel(VECTOR(float) kept) { return PRECISION == 2 ? UNIT_OF(kept) : kept; }
 INLINE void read_color(const Colors *buffer, Colors *color)
 {
@@ -71,7 +75,8 @@ INLINE void read_color(const Colors *buffer, Colors *color)
     color->blue = read_channel(buffer->blue), color->alpha = read_channel(buffer->alpha);
 }
 
-// Under blending (Bavoil and Myers 2008, "Under Blending"), front to back, with Adst = transmittance from 1:
+// --- blending -------------------------------------------------------------------------------------------------------
+// Under blending, front to back (Bavoil and Myers 2008, "Under Blending"). Adst is the transmittance, at first 1:
 //   Cdst = Adst (Asrc Csrc) + Cdst,   Adst = (1 - Asrc) Adst.
 INLINE void blend_under(Colors *destination, const Colors *source)
 {
@@ -81,8 +86,8 @@ INLINE void blend_under(Colors *destination, const Colors *source)
     destination->alpha = KEPT(destination->alpha * (1.0f - source->alpha));
 }
 
-// Over blending (Bavoil and Myers 2008, "Under Blending", its first equation), back to front:
-//   Cdst = Asrc Csrc + (1 - Asrc) Cdst,   and what is left of the light from behind: Tdst = (1 - Asrc) Tdst.
+// Over blending, back to front (Bavoil and Myers 2008, first equation of "Under Blending"). Tdst is the transmittance:
+//   Cdst = Asrc Csrc + (1 - Asrc) Cdst,   Tdst = (1 - Asrc) Tdst.
 INLINE void blend_over(Colors *destination, const Colors *source)
 {
     VECTOR(float) through = 1.0f - source->alpha;
@@ -92,8 +97,8 @@ INLINE void blend_over(Colors *destination, const Colors *source)
     destination->alpha = KEPT(through * destination->alpha);
 }
 
-// Additive blending, both factors one, of a source whose colour is premultiplied:
-//   Cdst = Cdst + Asrc Csrc,   Adst = Adst + Asrc
+// Additive blending, both factors one, with a source whose colour is premultiplied:
+//   Cdst = Cdst + Asrc Csrc,   Adst = Adst + Asrc.
 INLINE void blend_add(Colors *destination, const Colors *source)
 {
     destination->red = KEPT(destination->red + source->alpha * source->red * FULL);
@@ -102,7 +107,7 @@ INLINE void blend_add(Colors *destination, const Colors *source)
     destination->alpha = KEPT(destination->alpha + source->alpha * FULL);
 }
 
-// What is in front over all that is behind it, both premultiplied, with the transmittance of either: numbers, no buffers.
+// Puts a front layer over all that is behind it. Both are numbers, not buffers: premultiplied colour and transmittance.
 INLINE void put_over(Colors *front, const Colors *behind)
 {
     front->red += front->alpha * behind->red;

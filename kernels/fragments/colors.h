@@ -1,16 +1,17 @@
 // Where a fragment's colour comes from.
 //
-//   palette          colours as given: one for the scene, for each face or for each vertex; 4 bytes or 4 floats each
-//   FRAGMENT_COLOR   colours vary over a face: each fragment has its own, in `colors`, and its payload says where
+//   palette          the scene's colours, 4 bytes or 4 floats each: one for all, or one for each face or vertex
+//   FRAGMENT_COLOR   colours vary over a face: each fragment has a colour of its own, and its payload says where it is
 //   otherwise        the payload is the face, whose colour is in the palette
 #ifndef SHADING_H
 #define SHADING_H
 
 #include "fragments/blending.h"
 
-#define ABSENT (~0ul)  // a place without a fragment: behind every fragment there is
+#define ABSENT (~0ul)  // a place without a fragment; as an integer it is behind every fragment
 #define ROWS 8
 
+// A colour of the palette, straight, 0..1.
 INLINE float4 palette_color(global const void *palette, uint index)
 {
 #if PACKED_COLOR
@@ -21,12 +22,14 @@ INLINE float4 palette_color(global const void *palette, uint index)
 #endif
 }
 
-// Eight fragments, wherever they are in memory.
+// --- fragments of a strip -------------------------------------------------------------------------------------------
+// Eight fragments, anywhere in memory: vectors usually begin at multiples of their own size.
 typedef ulong8 Octet __attribute__((aligned(8)));
 
 #if STRIP == 16
-// Eight of eight pixels at once, lists to rows: a transposition in three steps, of halves, quarters and pairs. It reads up to
-// seven places beyond a list, which are there (FRAGMENT_PADDING), and does not look at them.
+// Loads eight fragments of each pixel, and turns lists into rows: a transposition of 8 x 8 in three steps, by halves,
+// pairs and single ones. Up to seven fragments beyond a list are read, and ignored later. Buffers have room for that
+// (FRAGMENT_PADDING). Pixels without fragments read the first ones there are.
 #define TURN_1(a, b)                                                                                            \
     {                                                                                                           \
         ulong8 low = (ulong8)(a.s0, b.s0, a.s2, b.s2, a.s4, b.s4, a.s6, b.s6);                                  \
@@ -65,12 +68,13 @@ INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, V
 }
 #endif
 
-// ROWS rows of each of a strip's pixels' fragments, from number `first` on; ABSENT behind a pixel's last. Those of pixel k
-// begin at begin[k] and lie `step` apart: 1 in lists, STRIP in rows (raster.h).
+// Loads ROWS rows of a strip's fragments: those of each pixel from number `first` on, and ABSENT behind its last one.
+// The fragments of pixel k begin at begin[k] and lie `step` apart: 1 in lists, STRIP in rows (stages/walk.h).
 INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count, uint first,
                       VECTOR(ulong) *rows)
 {
-    // Signed, as counts are below 2^24: what an optimizer makes of the unsigned form, not every driver has (Oclgrind).
+    // Signed, which is possible as counts are below 2^24. Optimizers turn the unsigned form into an operation that not
+    // every driver has (Oclgrind has not).
     VECTOR(int) behind = PASTE(as_, VECTOR(int))(count) - (VECTOR(int))((int)first);
     VECTOR(uint) left = PASTE(as_, VECTOR(uint))(MAX(behind, (VECTOR(int))(0)));
     if (step == STRIP) {
@@ -82,8 +86,8 @@ INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, uint st
         rows[row] = CONVERT(long, STRIP, left > (VECTOR(uint))(row)) ? rows[row] : (VECTOR(ulong))(ABSENT);
 }
 
-// The colours of a strip's next fragments, a row of `fetched` for each row of fragments; ABSENT ones have alpha 0.
-// `colors` is the fragments' own colours, or the palette where they have none.
+// The colours of rows of fragments, one row of `fetched` for each. ABSENT fragments get alpha 0. `colors` has the
+// fragments' own colours, or is the palette where they have none.
 INLINE void fetch_colors(const VECTOR(ulong) *fragments, uint row_count, global const void *colors, Colors *fetched)
 {
 #if PACKED_COLOR && !FRAGMENT_COLOR

@@ -1,9 +1,10 @@
-// A strip's fragments as techniques that peel compare them.
+// A strip's fragments as the peeling techniques compare them.
 //
-// In the order of (depth, submission index), but as two numbers: within a pass a pixel's fragments arrive in submission order,
-// so that of equal depths the one that was there first is the first, and payloads are only compared with those of other passes.
+// The order is that of (depth, submission index), but in two numbers, key and payload. Within a pass the fragments of a
+// pixel arrive in submission order. So of equal depths the first to arrive is the first, and keys alone are compared.
+// Payloads are compared only with those of an earlier pass.
 //
-// BY_DEPTH: fragments of equal depth are one, the first submitted, as in the papers.
+// BY_DEPTH: fragments of equal depth count as one, the first submitted, as in the papers.
 #ifndef PEELING_H
 #define PEELING_H
 
@@ -13,13 +14,14 @@
 #define BY_DEPTH 0
 #endif
 
-// key: that of the depth, less 2^31, as vectors compare signed numbers in one step. payload: as in raster.h, below 2^31.
+// key: that of the depth, less 2^31, because vectors compare signed numbers in one step. payload: as in stages/walk.h,
+// below 2^31, or NO_PAYLOAD.
 typedef struct { VECTOR(int) key, payload; } Fragments;
 
-// Keys in front of and behind all there are.
+// Keys in front of all fragments and behind all of them.
 #define NEAREST_KEY (-0x7FFFFFFF - 1)
 #define FARTHEST_KEY 0x7FFFFFFF
-#define NO_PAYLOAD (-1)  // as a uint that of ABSENT
+#define NO_PAYLOAD (-1)  // the payload of ABSENT, as an int
 
 INLINE void clear_to(Fragments *f, int key)
 {
@@ -35,10 +37,11 @@ INLINE void replace(Fragments *f, VECTOR(int) where, const Fragments *by)
     f->payload = SELECT(where, by->payload, f->payload);
 }
 
-// Whether `a` lies behind `b`, and is not it.
+// Whether `a` lies behind `b` and is not the same fragment: -1, or 0 where not.
 INLINE VECTOR(int) is_behind(const Fragments *a, const Fragments *b)
 {
-    // One more than its key, where of equal depths it would be the later one; no key is so near the greatest integer.
+    // Where `a` is the later one by submission, its key counts one more, so that it is behind also at equal depth. Keys
+    // are far enough from the greatest integer for that.
     VECTOR(int) key = a->key;
     if (!BY_DEPTH) key -= a->payload > b->payload;
     return key > b->key;

@@ -1,23 +1,25 @@
-// Depths as buffers keep them: unsigned keys whose ascending order is front to back, and back again.
+// Depths as buffers keep them: unsigned keys, 32 bits, that grow from front to back; and depths back from keys.
 //
-// What rasterization gives is reversed depth (larger is nearer): near / distance, or (far - distance) / (far - near) in
-// parallel projection. DEPTH_FORMAT says what is kept of it (layout.py, DEPTH_FORMATS):
+// Rasterization gives reversed depths, where larger is nearer: near / distance, or (far - distance) / (far - near) in
+// parallel projection. DEPTH_FORMAT says what is kept of them (clpeel/device/layout.py, DEPTH_FORMATS):
 //
 //   FLOAT32_REVERSED   that number, as it is
-//   FLOAT32            OpenGL's window depth z, 0 at the near plane .. 1 at the far one, a float
-//   UNORM24            the nearest of 2^24 - 1 steps of z
-//   RGBA8              four bytes of z, each what the one before leaves of it ("a false color whose 4 bytes represents in some
-//                      form the depth", GlowScript): 2^-32 of z
+//   FLOAT32            OpenGL's window depth z, from 0 at the near plane to 1 at the far plane, as a float
+//   UNORM24            z in the nearest of 2^24 - 1 steps
+//   RGBA8              z in four bytes, each of what the byte before leaves, so in steps of 2^-32 ("a false color whose
+//                      4 bytes represents in some form the depth", GlowScript)
 //
-// z = scale (1 - reversed depth), scale = far / (far - near), or 1 in parallel projection. Keys of z are one more than it, as
-// nothing may be as near as the key 0 (peeling.h); what the planes' margins leave outside of 0..1 is clamped.
+// z = scale (1 - reversed depth), with scale = far / (far - near), or 1 in parallel projection. The clipping planes
+// have margins, so z can lie slightly outside of 0..1, and is clamped. A key is one more than what is kept of z. So no
+// fragment has the key 0, which peeling uses for "in front of all" (fragments/comparing.h).
 #ifndef DEPTH_H
 #define DEPTH_H
 
 #include "base/common.h"
 
-// The usual monotone map of floats, complemented: -0.0 and negative values keep their place. (The sign bit, less one, is all
-// ones for what is not negative.)
+// The usual monotone map from floats to integers, complemented: the bits of negative values and of -0.0 stay as they
+// are, those of the others are inverted below the sign bit. The sign bit less one is the mask for that: all ones where
+// it is 0.
 INLINE VECTOR(uint) depth_key(VECTOR(float) depth, float scale)
 {
 #if DEPTH_FORMAT == FLOAT32_REVERSED
@@ -34,7 +36,8 @@ INLINE VECTOR(uint) depth_key(VECTOR(float) depth, float scale)
     VECTOR(int) below = CONVERT(int, STRIP, steps);
     VECTOR(uint) kept = PASTE(as_, VECTOR(uint))(below - (steps - CONVERT(float, STRIP, below) >= (VECTOR(float))(0.5f)));
 #else
-    // Two bytes, then two of what these leave; the last but one of 2^32 for 1.
+    // The upper two bytes, then two of what they leave. 1 gets a number just above the others, so that neither its key
+    // nor one more exceeds FARTHEST_KEY (fragments/comparing.h).
     VECTOR(float) high = z * 65536.0f, low;
     VECTOR(int) first = CONVERT(int, STRIP, high);
     low = (high - CONVERT(float, STRIP, first)) * 65536.0f;
@@ -45,7 +48,8 @@ INLINE VECTOR(uint) depth_key(VECTOR(float) depth, float scale)
 #endif
 }
 
-// The reversed depth of a key; where z may have lost all of it, 2^-40, so that distances are finite.
+// The reversed depth of a key. Where the rounding of z leaves nothing of it, 2^-40 is returned, so that distances are
+// finite.
 INLINE VECTOR(float) depth_of(VECTOR(uint) key, float scale)
 {
 #if DEPTH_FORMAT == FLOAT32_REVERSED

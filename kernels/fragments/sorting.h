@@ -1,7 +1,9 @@
-// Sorting: a strip's fragments into their order, (depth, submission index), nearest first: as the integers they are (raster.h).
+// Sorting: puts a strip's fragments in their order, (depth, submission index), nearest first. Fragments are integers
+// that have this order (stages/walk.h).
 //
-// Up to RUN_MAX of each of a strip's pixels are held in private memory, a row of vectors for each layer, and sorted side by
-// side by one network, whose steps depend on no depth. A deeper pixel is sorted first where it lies, by its digits.
+// Up to RUN_MAX layers of a strip are kept in private memory, a row of vectors for each layer. One sorting network
+// sorts all its pixels side by side, as its steps do not depend on the depths. A pixel with more layers is sorted first
+// where its list lies, byte by byte of its keys.
 #ifndef SORTING_H
 #define SORTING_H
 
@@ -10,21 +12,23 @@
 INLINE void exchange(VECTOR(ulong) *nearer, VECTOR(ulong) *farther)
 {
     VECTOR(ulong) a = *nearer, b = *farther, least = MIN(a, b);
-    *nearer = least, *farther = a ^ b ^ least;  // the other: a CPU has one unit that compares, and several that do this
+    *nearer = least, *farther = a ^ b ^ least;  // the other one: CPUs compare with fewer units than they xor
 }
 
 #define X(i, j) exchange(rows + i, rows + j);
 
-// Sorts ROWS rows: the network of 19 exchanges (Knuth, The Art of Computer Programming 3, 5.3.4).
+// --- the network for up to RUN_MAX layers ---------------------------------------------------------------------------
+// Sorts ROWS rows by the network of 19 exchanges (Knuth, The Art of Computer Programming 3, 5.3.4).
 INLINE void sort_eight(VECTOR(ulong) *rows)
 {
     X(0, 2) X(1, 3) X(4, 6) X(5, 7) X(0, 4) X(1, 5) X(2, 6) X(3, 7) X(0, 1) X(2, 3) X(4, 5) X(6, 7) X(2, 4) X(3, 5) X(1, 4)
     X(3, 6) X(1, 2) X(3, 4) X(5, 6)
 }
 
-// Merges sorted runs of ROWS rows two by two, `count` in all: the bitonic network (Batcher 1968), whose first step pairs the
-// first of one run with the last of the other. It is that for the next power of two: what is not there would stay behind.
-// Storing rows is what costs: so the last steps, which stay among eight rows, are taken while those are in registers.
+// Merges sorted runs of ROWS rows two by two, `count` rows in all. This is the bitonic network (Batcher 1968). Its
+// first step pairs the first row of one run with the last row of the other. It is the network for the next power of
+// two. Rows that are missing would stay behind all others, so their exchanges are skipped. Most time goes into storing
+// rows. So the last steps, which stay among eight rows, are made while these are in registers.
 INLINE void merge_rows(VECTOR(ulong) *all, uint count)
 {
     for (uint run = ROWS; run < count; run *= 2)
@@ -43,9 +47,11 @@ INLINE void merge_rows(VECTOR(ulong) *all, uint count)
         }
 }
 
-// Sorts one pixel's fragments by their depth keys' digits, the least first, between `list` and `spare`: as many steps for each
-// fragment, however many there are. Digits of what keys are more than the least: often one fewer than keys have.
-// Returns which of the two holds them sorted; fragments of equal depth stay as they were.
+// --- the sort of deeper pixels --------------------------------------------------------------------------------------
+// Sorts one pixel's fragments by radix, least byte of the keys first, from `list` to `spare` and back. The time for
+// each fragment does not grow with their number. It sorts by the bytes of (key - least key), as the range of keys is
+// often small enough to save a byte. Returns which of the two arrays has the sorted fragments. Fragments of equal depth
+// keep their order.
 static global ulong *sort_digits(global ulong *list, global ulong *spare, uint count)
 {
     ulong8 low = list[0], high = low;
@@ -55,7 +61,7 @@ static global ulong *sort_digits(global ulong *list, global ulong *spare, uint c
     }
     ulong least = list[count - 1], most = least;
     for (int k = 0; k < 8; ++k) {
-        ulong one = list[MAX((int)count - 1 - k, 0)];  // signed: as in load_rows (shading.h)
+        ulong one = list[MAX((int)count - 1 - k, 0)];  // signed, as in load_rows (fragments/colors.h)
         least = MIN(least, MIN(((const ulong *)&low)[k], one)), most = MAX(most, MAX(((const ulong *)&high)[k], one));
     }
     least &= 0xFFFFFFFF00000000ul;
@@ -87,7 +93,8 @@ static global ulong *sort_digits(global ulong *list, global ulong *spare, uint c
     return from;
 }
 
-// Sorts those of a strip's pixels that have more than RUN_MAX fragments where they lie; returns the most that any has.
+// Sorts the pixels of a strip that have more than RUN_MAX fragments, where they lie. Returns the most fragments of any
+// pixel.
 INLINE uint sort_deep(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, VECTOR(uint) count)
 {
     uint deepest = 0;
@@ -103,8 +110,9 @@ INLINE uint sort_deep(global ulong *fragments, global ulong *scratch, VECTOR(uin
     return deepest;
 }
 
-// The next RUN_MAX layers of a strip's pixels in their order, from number `first` on, when sort_deep has gone before; returns
-// how many rows of `all` that takes.
+// Loads up to RUN_MAX layers of a strip's pixels into `all`, in their order, from number `first` on. sort_deep must
+// have run before. So beyond the first RUN_MAX layers nothing has to be sorted. Returns how many rows of `all` are
+// filled.
 INLINE uint load_sorted(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count, uint first,
                         uint deepest, VECTOR(ulong) *all)
 {

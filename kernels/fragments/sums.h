@@ -1,10 +1,10 @@
-// Sums of a pixel's fragments in the order they come: what the techniques that do not sort have in common.
+// Sums of a pixel's fragments, in submission order: what the techniques that do not sort have in common.
 #ifndef SUMS_H
 #define SUMS_H
 
 #include "fragments/colors.h"
 
-// Adds a strip's fragments up, additive blending into a buffer of zeros: sum(Ai Ci) and sum(Ai).
+// Adds up a strip's fragments, by additive blending into a buffer of zeros: sum(Ai Ci) and sum(Ai).
 INLINE void add_up(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count,
                    global const void *colors, Colors *sums)
 {
