@@ -1,13 +1,15 @@
-// Binning: for each tile the records that may cover it, in submission order.
+// Binning: lists for each tile the records that may cover it, in submission order.
 //
-//   bin_count    one work-item a chunk of the list: how many records of the chunk meet each tile
-//   bin_offsets  one work-item a tile: chunk counts to offsets within the tile's list, and the list's length
-//   bin_emit     one work-item a chunk: writes the lists of the tiles of one batch
+//   bin_count    a chunk of records a work-item: counts how many records of the chunk meet each tile
+//   bin_offsets  a tile a work-item: turns the chunks' counts into offsets in the tile's list, and gives its length
+//   bin_emit     a chunk of records a work-item: writes the lists of the tiles of one batch
 //
-//   counts[chunk * COUNTS_APART + tile]    chunks in submission order, so lists are too: nothing to sort, no atomics
+// The counts are at  counts[chunk * COUNTS_APART + tile].  Chunks are in submission order, so the lists are too.
+// Nothing has to be sorted, and no atomics are needed.
 #include "base/common.h"
 
-// Whether a sample of the tile can lie inside: no edge has all of the tile's samples on its outer side.
+// Whether a sample of the tile may lie inside: no edge has all samples of the tile on its outer side. column, row: of
+// tiles.
 INLINE bool meets_tile(global const Triangle *t, int column, int row, int width, int height)
 {
     int x0 = SAMPLE_AT(column * TILE, width), x1 = x0 + (TILE - 1) * SUBPIXELS;
@@ -15,16 +17,18 @@ INLINE bool meets_tile(global const Triangle *t, int column, int row, int width,
     for (int a = 0; a < 3; ++a) {
         int b = a < 2 ? a + 1 : 0;
         int dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
-        // E grows with y where dx > 0 and falls with x where dy > 0: the sample farthest inside.
+        // E grows with y where dx > 0 and falls with x where dy > 0. So this is the tile's sample farthest inside of
+        // the edge.
         int x = dy > 0 ? x0 : x1, y = dx > 0 ? y1 : y0;
         if ((long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) < 0) return false;
     }
     return true;
 }
 
-// Runs BODY for the tiles of each of the chunk's records with first_row <= tile row <= last_row, and for some others where
-// `present` is 0. Most records of a fine mesh meet one tile or its neighbours: for those there is no branch to guess, and
-// `counts` goes far enough beyond its tiles for the neighbours of the last.
+// Runs BODY for each tile that a record of the chunk meets, in rows first_row .. last_row of tiles, with `record` and
+// `tile`. It may also run for other tiles: for some with `present` 0, and for some above or below those rows. Most
+// records of a fine mesh meet one tile or its neighbours. For these it runs four times without a branch to mispredict,
+// and `present` says which of the four count. `counts` has room for the neighbours of the last tile.
 #define FOR_EACH_PAIR(BODY)                                                                                     \
     for (uint place = first; place < last; ++place) {                                                           \
         ushort4 reach = bounds[place];                                                                          \
@@ -53,7 +57,7 @@ INLINE bool meets_tile(global const Triangle *t, int column, int row, int width,
         }                                                                                                       \
     }
 
-// Chunks' counts lie this far apart.
+// The counts of consecutive chunks lie this far apart: tiles, and room for the neighbours of the last one.
 #define COUNTS_APART (tile_count + columns + 1)
 
 kernel void bin_count(global const Triangle *triangles, global const ushort4 *bounds, uint record_count, uint chunk_records,
@@ -81,8 +85,8 @@ kernel void bin_offsets(uint chunk_count, int columns, uint tile_count, global u
     tile_pairs[tile] = sum;
 }
 
-// pair_start[tile - first_tile]: where the tile's list begins in `pairs`. Each chunk has a line of its own behind the last
-// list, for what is not present.
+// pair_start[tile - first_tile]: where the tile's list begins in `pairs`. What is not wanted is written too, so that
+// no branch is needed. It goes behind the last list, where each chunk has a cache line of its own.
 kernel void bin_emit(global const Triangle *triangles, global const ushort4 *bounds, uint record_count, uint chunk_records,
                      int width, int height, int columns, int first_row, int last_row, uint tile_count,
                      uint first_tile, uint last_tile, global const uint *pair_start, global uint *counts,

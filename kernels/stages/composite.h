@@ -1,7 +1,8 @@
-// Composition: a tile of a layer (premultiplied colour and transmittance) to the picture's rows.
+// Composition: writes a tile of the finished layer (premultiplied colour C and transmittance T) to the rows of the
+// picture.
 //
-// Over a background: C + T b. Without one: straight alpha, C / (1 - T) and 1 - T.
-// A picture pixel is the mean of `side` x `side` samples of the layer; side divides TILE, so they share a tile.
+// Over a background b a pixel becomes C + T b. Without one it becomes straight: colour C / (1 - T) and alpha 1 - T. A
+// pixel of the picture is the mean of side x side samples of the layer. `side` divides TILE, so these share a tile.
 #ifndef COMPOSITE_H
 #define COMPOSITE_H
 
@@ -16,7 +17,7 @@ INLINE VECTOR(uint) to_byte(VECTOR(float) value)
 
 #define CHANNEL(colors, name, place) (((local const float *)&(colors)[(place) / STRIP].name)[(place) % STRIP])
 
-// The pixel at this column and row of the tile, from side x side samples.
+// The mean of the side x side samples of the picture's pixel at this column and row of the tile.
 INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint side)
 {
     float4 sum = (float4)(0.0f);
@@ -27,8 +28,10 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint sid
     return sum / (float)(side * side);
 }
 
-// BOUNDED: layers are left out once the transmittance in front of them is parameters[0] or less, and that is found besides:
-// what they can have changed in any channel, at most.
+// --- what a technique finds besides colours -------------------------------------------------------------------------
+// BOUNDED: layers are skipped once the transmittance in front of them is parameters[0] or less. Then a technique also
+// finds, for each sample, the most that the skipped layers could have changed in any channel: the transmittance in
+// front of them.
 #ifndef BOUNDED
 #define BOUNDED 0
 #endif
@@ -39,7 +42,7 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint sid
 #define VALUES 0
 #endif
 #if VALUES
-// What a technique finds besides colours: one number or four of each of a strip's samples.
+// What it finds for each sample of a strip: one number or four.
 #if BOUNDED
 typedef VECTOR(float) Found;
 #define NOTHING (VECTOR(float))(0.0f)
@@ -48,7 +51,7 @@ typedef Colors Found;
 #define NOTHING {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f)}
 #endif
 
-// To the picture's pixels as the means of their samples.
+// Writes these to the picture's pixels, as means of their samples.
 INLINE void store_values(local const Found *found, uint tile, int columns, int side_bits, int width, int height,
                          global float *values)
 {
@@ -70,12 +73,14 @@ INLINE void store_values(local const Found *found, uint tile, int columns, int s
 }
 #endif
 
-// A block's row of pixels, as wherever they are in memory: bytes of the picture and its colours.
+// --- to the picture -------------------------------------------------------------------------------------------------
+// A block's row of pixels, anywhere in memory: vectors usually begin at multiples of their own size.
 typedef uint4 RowBytes __attribute__((aligned(4)));
 typedef float16 RowColors __attribute__((aligned(16)));
 
-// tile: of the picture. layer: its strips. Returns how many of this lane's pixels let less than nothing through: their
-// colours are clamped.
+// tile: its number in the picture. layer: its strips. side_bits: log2 of `side`. width, height: of the picture, in
+// pixels. color: premultiplied colours and alpha without the background, written if keep_color. Returns how many of
+// the lane's pixels have a negative transmittance, so that their colours are clamped.
 INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height, float red,
                            float green, float blue, int has_background, int keep_color, global uint *image,
                            global float4 *color)
@@ -84,7 +89,8 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
     uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
     bool whole = side == 1 && left + TILE <= (uint)width && top + TILE <= (uint)height;
     for (uint q = get_local_id(0) * STRIP; q < 1u << 2 * bits; q += LANES * STRIP) {
-        // A strip of the picture's pixels: of a block where they are samples, else of the tile's rows.
+        // A strip of the picture's pixels: those of a block where pixels are samples, else those of the tile row by
+        // row.
         Colors pixel = layer[q / STRIP];
         for (uint k = 0; side > 1 && k < STRIP; ++k) {
             float4 mean = mean_of(layer, (q + k) & ((1u << bits) - 1), ((q + k) >> bits) & ((1u << bits) - 1), side);
@@ -103,7 +109,7 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
         }
         VECTOR(uint) bytes = to_byte(shown.red) | to_byte(shown.green) << (VECTOR(uint))(8) |
                              to_byte(shown.blue) << (VECTOR(uint))(16) | to_byte(shown.alpha) << (VECTOR(uint))(24);
-        VECTOR(int) below = PASTE(as_, VECTOR(int))(pixel.alpha) < (VECTOR(int))(0);  // -0 over an opaque surface
+        VECTOR(int) below = PASTE(as_, VECTOR(int))(pixel.alpha) < (VECTOR(int))(0);  // or -0, over an opaque surface
 #if STRIP % BLOCK == 0
         if (whole) {
             uint block = q / BLOCK_PIXELS, x = left + block % BLOCKS_A_ROW * BLOCK;

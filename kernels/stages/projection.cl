@@ -1,19 +1,21 @@
-// Projection: scene triangles to snapped screen triangles (projection.h).
+// Projection: turns scene triangles into records of snapped screen triangles (stages/projection.h).
 //
-//   project_vertices    WIDE vertices a work-item: clip space in float pairs, then snapped to 1/256 pixel
-//   cull_triangles      WIDE faces a work-item: what each needs, DRAWN where it may cover a sample
-//   count_states        one work-item a chunk of faces: how many are DRAWN or CLIPPED, CLIPPED, DISCARDED
-//   list_triangles      one work-item a chunk: the faces that are DRAWN or CLIPPED, and which of them are CLIPPED
-//   setup_triangles     WIDE of the list a work-item: their records, in the list's order
+//   project_vertices    WIDE vertices a work-item: to clip space in pairs of floats, then snapped to 1/256 pixel
+//   cull_triangles      WIDE faces a work-item: finds what each needs, which is DRAWN where it may cover a sample
+//   count_states        a chunk of faces a work-item: counts those that are DRAWN or CLIPPED, CLIPPED, DISCARDED
+//   list_triangles      a chunk of faces a work-item: lists those that are DRAWN or CLIPPED, and which are CLIPPED
+//   setup_triangles     WIDE listed faces a work-item: writes their records, in the order of the list
 //
-// The list has the opaque faces first, then the transparent ones, each in submission order; and so have the tiles' lists.
+// The list has the opaque faces first, then the transparent ones, each kind in submission order. The lists of tiles
+// have the same order, so opaque surfaces can be drawn first.
 //
-// Most faces of a fine mesh lie between the samples: they cost a look at their corners and nothing after that.
-// Items past the end do the last one again, into padding.
+// Most faces of a fine mesh lie between the samples. Their corners are examined once, and they cost nothing after that.
+// A work-item's elements past the last item repeat the last one, and write into padding.
 #include "stages/projection.h"
 
-// Which planes vertices are outside of. Rounded once more than plane_distance(): a vertex on a plane to within a rounding
-// may be called outside by one and inside by the other, and is then cut at its own place.
+// Which planes vertices are outside of, a bit each. This rounds once more than plane_distance() in stages/clipping.cl.
+// So for a vertex within a rounding of a plane, one of them may say outside and the other inside. Clipping then cuts at
+// the vertex.
 INLINE Uints outcode_of(const ClipVertex *v, DepthRange depth)
 {
     Floats guard = v->w.hi * GUARD_BAND;
@@ -41,7 +43,8 @@ kernel void project_vertices(global const float *positions, global const float *
     to_clip_space(matrix, &point, &v);
     Corner corner;
     to_screen(&v, &corner);
-    // A NaN or infinity anywhere makes this sum one: positions are below 2^61, so it cannot overflow by itself.
+    // A NaN or infinity in any coordinate makes this sum one. Positions are below 2^61, so the sum itself cannot
+    // overflow.
     Uints outcode = IS_FINITE((point.high[0] + point.high[1]) + point.high[2]) ? outcode_of(&v, depth) : (Uints)(NOT_FINITE);
     FOR_EACH_ELEMENT {
         vertices[first + k].x = INT_OF(corner.x);
@@ -53,7 +56,8 @@ kernel void project_vertices(global const float *positions, global const float *
     }
 }
 
-// Whether triangles that reach at most 2 x 2 samples cover one: their edge functions (raster.h) at each of those.
+// Whether triangles cover a sample, if their bounds have at most 2 x 2: it evaluates their edge functions
+// (stages/walk.h) there. The result means nothing for larger ones. flip: where the corners run the other way.
 INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height)
 {
     Ints covers = (Ints)(0);
@@ -64,7 +68,7 @@ INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach
             int b = a < 2 ? a + 1 : 0;
             Ints dx = x[b] - x[a], dy = y[b] - y[a];
             dx = flip ? -dx : dx, dy = flip ? -dy : dy;
-            // Unsigned, as it may wrap for those that reach further and are not asked about.
+            // Unsigned, because the products may wrap for larger triangles, whose result is not used.
             Uints down = AS_UINTS(SAMPLE_AT(row, height) - y[a]), right = AS_UINTS(SAMPLE_AT(column, width) - x[a]);
             Ints e = AS_INTS(AS_UINTS(dx) * down - AS_UINTS(dy) * right);
             Ints owned = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0)));
@@ -75,10 +79,10 @@ INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach
     return covers;
 }
 
-// A field of vertices, which are three times two numbers long.
+// A field of vertices. A vertex is three times two numbers long, and GATHER takes steps of two.
 #define VERTEX_FIELD(name, at) GATHER(&vertices->name, 2, 3 * (at))
 
-// Whether all alphas of faces are one; vertex: those of their corners.
+// Whether all alphas of faces are one. vertex: the vertices at their corners.
 INLINE Ints is_opaque(global const void *palette, Uints face, const Uints *vertex)
 {
     Ints opaque = (Ints)(-1);
@@ -101,7 +105,8 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint verte
         Uints given = GATHER(faces + j, 1, 3 * face), vertex = MIN(given, (Uints)(vertex_count - 1));
         corner[j] = vertex;
         x[j] = AS_INTS(VERTEX_FIELD(x, vertex)), y[j] = AS_INTS(VERTEX_FIELD(y, vertex));
-        // The host refuses faces with vertices that there are none of; this guard is for memory's sake.
+        // The host refuses faces whose vertices do not exist. Here the index is limited only so that no foreign memory
+        // is read.
         outcode[j] = given == vertex ? VERTEX_FIELD(outcode, vertex) : (Uints)(NOT_FINITE);
     }
     Reach reach;
@@ -140,15 +145,16 @@ kernel void count_states(global const uchar *states, uint face_count, uint chunk
     counts[0] = opaque_listed, counts[1] = opaque_clipped, counts[2] = listed, counts[3] = clipped, counts[4] = discarded;
 }
 
-// kind: OPAQUE, or 0 for the transparent faces. chunk_starts: where the chunk's faces of that kind begin in the two lists.
-// clipped: places in `listed`.
+// kind: OPAQUE, or 0 for the transparent faces. chunk_starts: where the chunk's faces of that kind begin in the two
+// lists, `listed` and `clipped`. listed: faces. clipped: places in `listed`.
 kernel void list_triangles(global const uchar *states, uint face_count, uint chunk_faces, uint kind,
                            global const uint2 *chunk_starts, global uint *listed, global uint *clipped)
 {
     uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
     uint2 next = chunk_starts[chunk];
     for (uint from = first; from < last; from += LIST_RUN) {
-        // Written whether it stays or is overwritten by the next: no branch to guess.
+        // Every face is written, and the next one overwrites it if it is not wanted. So there is no branch to
+        // mispredict.
         uint run[LIST_RUN + 1], count = 0;
         for (uint face = from; face < MIN(from + LIST_RUN, last); ++face) {
             run[count] = face;

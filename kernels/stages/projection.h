@@ -1,8 +1,10 @@
-// Clip space, the screen's grid, and the record of a screen triangle: what projection and clipping share.
+// Clip space, the screen's grid, and records, which are what projection leaves of a triangle. Projection and clipping
+// share it.
 //
-// Clip space: x, y are in subpixels times w, from the image's centre, y down; depth = z / w is reversed.
-// Inside is  z <= depth_near * w,  z >= depth_far * w,  |x|, |y| <= GUARD_BAND * w.  The depths of the two planes reach
-// 2^-22 beyond 1 and the far one's (camera.py), so that what lies exactly on them is inside whatever the rounding.
+// In clip space x and y are in subpixels times w, from the image's centre, y down; depth = z / w is reversed. Inside is
+// z <= depth_near * w,  z >= depth_far * w,  |x|, |y| <= GUARD_BAND * w.  These depths lie a little outside of those of
+// the two planes (clpeel/stages/projection.py, PLANE_SLACK, 2^-22). So a point exactly on a plane is inside, in spite
+// of rounding.
 #ifndef PROJECTION_H
 #define PROJECTION_H
 
@@ -12,13 +14,14 @@ typedef struct { float near, far; } DepthRange;
 
 typedef struct { Pair x, y, z, w; } ClipVertex;
 
-// A corner on the screen (layout.py, VERTEX).
+// A corner on the screen (clpeel/device/records.py, VERTEX): snapped place in subpixels, exact less snapped place,
+// depth.
 typedef struct { Ints x, y; Floats offset_x, offset_y, depth; } Corner;
 
-// A position, and what float32 leaves of it.
+// A position, and the part of it that float32 rounds away.
 typedef struct { Floats high[3], low[3]; } Point;
 
-// A row of the matrix (four floats, then the same four's low parts) times a point.
+// A row of the matrix times a point. row: four floats, then the low parts of the same four.
 INLINE void row_times(global const float *row, const Point *point, Pair *product)
 {
     Pair sum = {(Floats)(row[3]), (Floats)(row[7])};
@@ -40,7 +43,7 @@ INLINE void to_clip_space(global const float *matrix, const Point *point, ClipVe
     row_times(matrix + 24, point, &v->w);
 }
 
-// Nearest subpixel to a pair, and what is left of it.
+// The subpixel nearest to a pair, and in `offset` what is left, within +-0.5.
 INLINE Ints snap(const Pair *value, Floats *offset)
 {
     Ints whole = nearest(value->hi);
@@ -61,7 +64,8 @@ INLINE void to_screen(const ClipVertex *v, Corner *corner)
     corner->depth = depth.hi;
 }
 
-// The pixels whose samples a box of corners reaches, in the image; none where first > last.
+// --- records --------------------------------------------------------------------------------------------------------
+// The pixels of the image whose samples lie in the box around three corners; there are none where first > last.
 typedef struct { Ints left, right, top, bottom; } Reach;
 
 INLINE void reach_of(const Ints *x, const Ints *y, int width, int height, Reach *reach)
@@ -78,7 +82,7 @@ INLINE Longs area_of(const Ints *x, const Ints *y)
     return TO(Longs, x[1] - x[0]) * TO(Longs, y[2] - y[0]) - TO(Longs, x[2] - x[0]) * TO(Longs, y[1] - y[0]);
 }
 
-// The one order of corners: farthest, then topmost, then leftmost.
+// The one order of corners: farthest first (depth is reversed), then topmost, then leftmost.
 INLINE Ints is_before(const Corner *a, const Corner *b)
 {
     return (a->depth < b->depth) |
@@ -94,26 +98,28 @@ INLINE void choose(Ints which, const Corner *there, const Corner *otherwise, Cor
     chosen->depth = which ? there->depth : otherwise->depth;
 }
 
-// Where the corners of a triangle went when it was made, and their barycentric coordinates in the exact triangle.
+// Where the given corners of a triangle are put, and where snapping moves them.
 typedef struct {
-    Ints order[3];  // the given corner that is now at each place
-    Floats moved[3][3];  // moved[k][j]: share of corner j (as now ordered) at the snapped place of corner k
+    Ints order[3];  // the given corner, 0 .. 2, that is now at each place
+    Floats moved[3][3];  // moved[k][j]: weight of exact corner j (as now ordered) at the snapped corner k
 } Arrangement;
 
-// Writes the records of WIDE triangles from `record` on, and their bounds; first > last where one covers no sample.
-// flags: those that are known already.
+// Writes the records of WIDE triangles, from `record` on, and their bounds. Where one covers no sample its bounds are
+// empty, first > last. source: their faces. flags: those known already.
 //
-// Depth is linear over the screen. Snapping moves the corners by up to 1/512 pixel, so the plane is evaluated at the
-// snapped corners: where triangles cross, the picture is then that of the exact triangles. The same matrix `moved`
-// (barycentric coordinates of the exact triangle at the snapped corners) carries colours and normals over.
+// The corners are first put in one order, whichever order the face gives: positive area with y down, the farthest
+// corner first (is_before). There are two reasons. Coincident faces get the same depths to the bit, and so stay in
+// submission order. And a fragment's depth is that of the farthest corner plus what the others add, so only what they
+// add is rounded often.
 //
-// The corners are first put into one order, whichever the face gave them in: positive area with y down, the farthest (then
-// topmost, then leftmost) first. Coincident faces then have the same depths to the bit, and stay in submission order; and
-// a fragment's depth is the farthest corner's plus what the others add, so that only what they add is rounded often.
+// Depth is linear over the screen. Snapping moves corners by up to 1/512 pixel. So the plane of the exact triangle is
+// evaluated at the snapped corners, and where triangles cross, the picture is that of the exact ones. `moved` has the
+// barycentric weights of the exact triangle at the snapped corners. It carries colours and normals over in the same
+// way.
 INLINE void make_triangles(const Corner *given, Uints source, Uints flags, int width, int height, uint record,
                            global Triangle *triangles, global ushort4 *bounds, Arrangement *arrangement)
 {
-    // Turned until the first is first; then the other two swapped where the area is negative.
+    // Rotate until the first corner is first, then swap the other two where the area is negative.
     Corner nearest_two, c[3];
     Ints second = is_before(given + 1, given);
     choose(second, given + 1, given, &nearest_two);
@@ -138,14 +144,14 @@ INLINE void make_triangles(const Corner *given, Uints source, Uints flags, int w
     Ints extent = MAX(MAX(x[0], MAX(x[1], x[2])) - MIN(x[0], MIN(x[1], x[2])),
                       MAX(y[0], MAX(y[1], y[2])) - MIN(y[0], MIN(y[1], y[2])));
 
-    // The exact corners relative to the first, and the gradients of the barycentric coordinates 1 and 2.
+    // The exact corners relative to the first one, and the gradients of barycentric weights 1 and 2, for each subpixel.
     Floats e_x = TO(Floats, x[1] - x[0]) + (c[1].offset_x - c[0].offset_x);
     Floats e_y = TO(Floats, y[1] - y[0]) + (c[1].offset_y - c[0].offset_y);
     Floats f_x = TO(Floats, x[2] - x[0]) + (c[2].offset_x - c[0].offset_x);
     Floats f_y = TO(Floats, y[2] - y[0]) + (c[2].offset_y - c[0].offset_y);
     Floats exact_area = e_x * f_y - f_x * e_y;
     Floats g1_x = f_y / exact_area, g1_y = -f_x / exact_area, g2_x = -e_y / exact_area, g2_y = e_x / exact_area;
-    // A sliver that snapping turned over has no use for its gradients: leave it as it is.
+    // Snapping can turn a sliver over. Then its gradients mean nothing, and its corners count as not moved.
     Ints useless = !(exact_area > (Floats)(0.0f)) | !IS_FINITE((g1_x + g1_y) + (g2_x + g2_y));
     g1_x = useless ? (Floats)(0.0f) : g1_x, g1_y = useless ? (Floats)(0.0f) : g1_y;
     g2_x = useless ? (Floats)(0.0f) : g2_x, g2_y = useless ? (Floats)(0.0f) : g2_y;
@@ -166,15 +172,15 @@ INLINE void make_triangles(const Corner *given, Uints source, Uints flags, int w
     Uints top_bottom = AS_UINTS(reach.top | reach.bottom << (Ints)(16));
     FOR_EACH_ELEMENT
         bounds[record + k] = (ushort4)(INT_OF(reach.left), INT_OF(reach.right), INT_OF(reach.top), INT_OF(reach.bottom));
-    Uints field[RECORD_FIELDS] = {  // those of a Triangle (layout.py)
+    Uints field[RECORD_FIELDS] = {  // the fields of a Triangle (clpeel/device/records.py), in order
         AS_UINTS(x[0]), AS_UINTS(x[1]), AS_UINTS(x[2]), AS_UINTS(y[0]), AS_UINTS(y[1]), AS_UINTS(y[2]), AS_UINTS(depth[0]),
         AS_UINTS(depth[1]), AS_UINTS(depth[2]), AS_UINTS(c[0].depth), AS_UINTS(depth_max), AS_UINTS(inverse_area), source,
         flags, left_right, top_bottom};
     store_records(triangles + record, field);
 }
 
-// weights[9 record + 3 k + j]: share of the face's vertex j at corner k, over w, so that interpolation is
-// perspective-correct. share[i][j]: the same at the given corner i.
+// weights[9 record + 3 k + j]: the weight of the face's vertex j at corner k of the record. In perspective it
+// is divided by w, so that interpolation is perspective-correct. share[i][j]: the same at the given corner i.
 INLINE void store_weights(global float *weights, uint record, const Arrangement *arrangement, const Floats share[3][3])
 {
     FOR_EACH_ELEMENT
