@@ -1,14 +1,15 @@
-// Clipping: the faces that cross a clipping plane or the guard band, cut into fans of screen triangles (projection.h).
+// Clipping: cuts the faces that cross a clipping plane or the guard band into fans of screen triangles
+// (stages/projection.h).
 //
-//   clip_triangles      one work-item a clipped face: its fan, in records of its own behind all others
+//   clip_triangles      a clipped face a work-item: writes its fan, in records of its own behind those of the list
 #undef WIDE
-#define WIDE 1  // few faces, each with corners of its own to go through
+#define WIDE 1  // clipped faces are few, and each has corners of its own to go through
 #include "stages/projection.h"
 
-// weight: shares of the face's vertices.
+// weight: the weights of the face's three vertices at this corner.
 typedef struct { ClipVertex at; float weight[3]; } PolygonCorner;
 
-// Signed distance inside plane k (its outcode is 1 << k), linear in clip space.
+// The signed distance from a plane, 0 .. 5, positive inside, linear in clip space. The plane's outcode is 1 << plane.
 INLINE void plane_distance(int plane, const ClipVertex *v, DepthRange depth, Pair *distance)
 {
     Pair guard = {v->w.hi * GUARD_BAND, v->w.lo * GUARD_BAND}, bound = {plane == 0 ? depth.near : depth.far, 0.0f};
@@ -23,7 +24,8 @@ INLINE void plane_distance(int plane, const ClipVertex *v, DepthRange depth, Pai
     }
 }
 
-// A point that is on plane k but for rounding, put there: far outside, the rounding can be larger than the picture.
+// Puts a point exactly on a plane, which it misses only by rounding. Far outside the picture, rounding can be larger
+// than the picture.
 INLINE void put_on_plane(int plane, ClipVertex *v, DepthRange depth)
 {
     Pair guard = {v->w.hi * GUARD_BAND, v->w.lo * GUARD_BAND}, negative = {-guard.hi, -guard.lo};
@@ -38,6 +40,7 @@ INLINE void put_on_plane(int plane, ClipVertex *v, DepthRange depth)
     }
 }
 
+// The point from + t (to - from), in one coordinate.
 INLINE void along(const Pair *from, const Pair *to, const Pair *t, Pair *there)
 {
     Pair step;
@@ -46,9 +49,9 @@ INLINE void along(const Pair *from, const Pair *to, const Pair *t, Pair *there)
     pair_add(from, &step, there);
 }
 
-// Sutherland and Hodgman's polygon clipping against one plane; cuts are made from inside to outside, so that two faces
-// that share an edge share its cut.
-// A convex polygon gains one corner at most; rounding can make one that is a sliver gain more, which `room` cuts short.
+// Clips a polygon against one plane (Sutherland and Hodgman). Cuts are always made from inside to outside, so two faces
+// that share an edge share its cut. Returns how many corners are left. A convex polygon gains one corner at most.
+// Rounding can make a sliver not convex, so that it gains more. `room` bounds that.
 static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRange depth, PolygonCorner *out)
 {
     int kept = 0, room = MAX_CLIP_VERTICES - 1;
@@ -79,7 +82,8 @@ static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRang
     return kept;
 }
 
-// clipped: places in `listed`; the fans are in the records behind its own, CLIP_TRIANGLES each.
+// clipped: places in `listed`. The fans are in the records behind those of the list, CLIP_TRIANGLES for each clipped
+// face.
 kernel void clip_triangles(global const uint *clipped, uint clipped_count, global const uint *listed, uint listed_count,
                            uint opaque_count, global const uint *faces, global const float *positions,
                            global const float *low_positions, global const float *matrix, float depth_near, float depth_far, int width, int height,
@@ -121,6 +125,6 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
         store_weights(weights, record, &arrangement, share);
 #endif
     }
-    // The face itself has no record: its bounds name its fan (binning.cl, FOR_EACH_PAIR).
+    // The face itself has no record. Its bounds say where its fan is instead (stages/binning.cl, FOR_EACH_PAIR).
     bounds[clipped[n]] = (ushort4)(CLIPPED_FACE, 0, n & 0xFFFF, n >> 16);
 }

@@ -1,18 +1,21 @@
-// Counting: how many fragments each pixel has, and what a walk over its tile takes; none is kept, sorted or shaded.
+// Counting: finds how many fragments each pixel has, and how much work a walk over its tile is. No fragment is kept,
+// sorted or shaded.
 //
-//   count_layers    a work-group takes tile after tile: z-far of what is opaque, then one walk over what is transparent
+//   count_layers    a work-group takes tile after tile: z-far of opaque records, then one walk over transparent ones
 //
-// ALL_OPAQUE: the scene has nothing transparent, and its records, which are all of it, do not say so.
+// ALL_OPAQUE: the scene has nothing transparent. Then all records are opaque, and their flags do not say so.
 #include "stages/opaque.h"
 
 #ifndef ALL_OPAQUE
 #define ALL_OPAQUE 0
 #endif
 
-// chosen: the tiles that are looked at, or NULL for all of them; totals are in their order. layers: of each pixel of the image, rows
-// from the top, the fragments in front of what is opaque there, and IS_OPAQUE where anything is; or NULL. tile_totals: of each
-// tile fragments, those of its deepest pixel, samples with an opaque surface; fragments of all surfaces, whatever lies in front,
-// and those of the deepest pixel; strips visited of transparent records and of opaque ones; opaque records.
+//   chosen         the tiles to examine, or NULL for all of the batch; tile_totals is in their order
+//   layers         for each pixel of the image, rows from the top: how many fragments lie in front of the opaque
+//                  surface, plus IS_OPAQUE where there is one; NULL if nobody wants them
+//   tile_totals    COUNT_TOTALS words for each tile: fragments in front of opaque surfaces, and those of the deepest
+//                  pixel; samples with an opaque surface; fragments of all surfaces, whatever lies in front, and those
+//                  of the deepest pixel; strips visited for transparent records, and for opaque ones; opaque records
 kernel void count_layers(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                          uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
                          float depth_scale, global const uint *chosen, global uint *layers, global uint *tile_totals)

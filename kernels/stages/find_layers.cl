@@ -1,15 +1,16 @@
-// Layers: the lists of a window (raster.cl) to the layers that are peeled, front to back.
+// Layers: finds in the lists of a window (stages/windows.cl) the layers that peeling would give, front to back.
 //
-//   peel_layers   one work-item a pixel: sorts its list by (depth, submission index), then keeps what is peeled
+//   peel_layers   a pixel a work-item: sorts its list by (depth, submission index), and keeps the layers to be peeled
 //
 //   fragments     before: pixel by pixel, in submission order; after: each pixel's layers, from where its list began
-//   kept          how many these are, of each pixel of the window's tiles
+//   kept          how many layers each pixel of the window's tiles has
 //
-// With opaque_first a pixel's list ends with its first opaque fragment; of the transparent ones the `front` nearest and the
-// `back` farthest are peeled. Without keep_coincident, of equal depths it is the first submitted alone.
+// With opaque_first, the layers of a pixel end with its first opaque fragment. Of the transparent ones the `front`
+// nearest and the `back` farthest are peeled. Without keep_coincident, only the first submitted fragment of each depth
+// is kept.
 #include "fragments/sorting.h"
 
-// Puts a short list into order where it lies.
+// Sorts a short list in place.
 static void sort_inserting(global ulong *list, uint count)
 {
     PLAIN_LOOP for (uint k = 1; k < count; ++k) {
@@ -20,8 +21,9 @@ static void sort_inserting(global ulong *list, uint count)
     }
 }
 
-// Whether a fragment is of an opaque surface: one whose alphas are all 1. What interpolation makes of these may miss 1 by some
-// roundings; as such a surface is drawn as what it is (opaque.h), its fragment gets the alpha 1.
+// Whether a fragment is of an opaque surface, which is one whose alphas are all 1. Interpolation of such alphas may
+// miss 1 by some roundings. The picture has them as exactly opaque (stages/opaque.h), so the fragment gets the alpha 1
+// here.
 INLINE bool is_opaque(ulong fragment, global float4 *colors, global const uint *sources, global const uint *faces,
                       global const void *palette)
 {
@@ -39,7 +41,7 @@ INLINE bool is_opaque(ulong fragment, global float4 *colors, global const uint *
 #endif
 }
 
-// spare: as long as `fragments`; read and written only where a pixel has more than INSERTED_MAX.
+// spare: has the length of `fragments`; used only where a pixel has more than INSERTED_MAX fragments.
 kernel void peel_layers(global ulong *fragments, global ulong *spare, global float4 *colors, global const uint *sources,
                         global const uint *faces, global const void *palette, global const uint *pixel_end, global const uint *tile_start, uint window_tile, uint tiles,
                         uint window_start, uint first_pixel, uint last_pixel, uint front, uint back,
@@ -62,7 +64,7 @@ kernel void peel_layers(global ulong *fragments, global ulong *spare, global flo
         ulong fragment = sorted[k];
         if (!keep_coincident && found && list[found - 1] >> 32 == fragment >> 32) continue;
         solid = opaque_first && is_opaque(fragment, colors, sources, faces, palette);
-        list[found++] = fragment;  // never ahead of what is read
+        list[found++] = fragment;  // never ahead of what is read next
     }
     uint clear = found - solid;
     if (clear > front && clear - front > back) {

@@ -1,6 +1,7 @@
-// Scenes with nothing transparent: their one pass, whatever the technique, with nothing to peel, sort or add up.
+// Scenes with nothing transparent: one pass draws them, whatever the technique, as there is nothing to peel, sort or
+// add up.
 //
-//   draw    a work-group takes tile after tile: colour and z-far (opaque.h), and then composites the picture
+//   draw    a work-group takes tile after tile: draws colour and z-far (stages/opaque.h), then composites the picture
 #include "stages/opaque.h"
 
 // tile_samples: how many samples of each tile have a surface.

@@ -1,15 +1,17 @@
-// Opaque surfaces: a tile's colour and z-far, before anything transparent is drawn, none of which is ever emitted behind them
-// (GlowScript's C0 and D0; Liu, Wei and Xu 2006, Table 1: "render all opaque objects into color and z-far buffers").
+// Opaque surfaces: a tile's colour and z-far, drawn before anything transparent. No transparent fragment behind them is
+// ever emitted (GlowScript's C0 and D0; Liu, Wei and Xu 2006, Table 1: "render all opaque objects into color and z-far
+// buffers").
 //
-// A tile's list has its opaque records first. z_far is the nearest of their fragments as integers (raster.h), whose order is
-// that of (depth, submission index): a transparent one is in front of it where it is less, whichever was submitted first.
+// The list of a tile has its opaque records first. z_far is the nearest of their fragments, as integers whose order is
+// that of (depth, submission index) (stages/walk.h). A transparent fragment is in front if its integer is less,
+// whichever was submitted first.
 #ifndef OPAQUE_H
 #define OPAQUE_H
 
 #include "stages/composite.h"
 #include "stages/walk.h"
 
-// Where a tile's transparent records begin in its list.
+// The place in `pairs` where a tile's transparent records begin: a binary search.
 INLINE uint transparent_from(global const Triangle *triangles, global const uint *pairs, uint begin, uint end)
 {
     while (begin < end) {
@@ -20,8 +22,9 @@ INLINE uint transparent_from(global const Triangle *triangles, global const uint
     return begin;
 }
 
-// Draws the tile's opaque records, those of its list before `until`, into each of the lane's strips: z_far, ABSENT where there
-// is none, and `behind`, colour and transmittance: 0 where there is one, else 1. Returns how many samples have one.
+// Draws the tile's opaque records, which are those of its list before `until`, for each of the lane's strips. Pixels
+// with one get it as z_far, and its colour and transmittance 0 as `behind`. Others get ABSENT, colour 0 and
+// transmittance 1. Returns how many samples have an opaque surface.
 INLINE uint draw_opaque(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, uint tile,
                         uint until, uint first_tile, int columns, int width, int height, float depth_scale,
                         global const uint *faces, global const void *palette, global const float *weights,
@@ -48,7 +51,7 @@ INLINE uint draw_opaque(global const Triangle *triangles, global const uint *pai
         store_color(behind + own, behind + own);
         read_color(behind + own, behind + own);
         behind[own].alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
-        for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)  // from a record's place to its submission index
+        for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)  // the payload: from a record's place to its submission index
             if (((const int *)&found)[k]) {
                 ulong *nearest = (ulong *)(z_far + own) + k;
                 *nearest = *nearest >> 32 << 32 | triangles[pairs[(uint)*nearest]].source;

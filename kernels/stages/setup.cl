@@ -1,3 +1,4 @@
-// What every picture needs, whatever the technique, in one program: a compiler takes longer to start than to compile these.
+// What every picture needs, whatever the technique. It is one program, because starting a compiler takes longer than
+// compiling these kernels.
 #include "stages/projection.cl"
 #include "stages/binning.cl"

@@ -1,10 +1,11 @@
-// Windows: fragments in the device's memory, in lists (raster.h), for techniques that go through them more than once.
+// Windows: fragments in the device's memory, in lists (stages/walk.h), for finding layers (stages/find_layers.cl).
 //
-//   count_fragments   one work-group a tile: how many fragments each pixel gets
-//   emit_fragments    one work-group a tile: the same walk again, writing the fragments
+//   count_fragments   a tile a work-group: counts the fragments of each pixel
+//   emit_fragments    a tile a work-group: walks its records once more, and writes the fragments
 //
-//   pixel_end:    inclusive prefix sum of the counts within the tile (pixels in the order of common.h)
-//   tile_totals:  fragments of the tile, and of its deepest pixel
+//   pixel_end     where each pixel's list ends among those of its tile: inclusive prefix sums of the counts, pixels in
+//                 the order of base/common.h
+//   tile_totals   fragments of the tile, and fragments of its deepest pixel
 #include "stages/walk.h"
 
 kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start,
@@ -36,7 +37,8 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
     for (int p = lane; p < TILE_PIXELS; p += LANES) pixel_end[tile * TILE_PIXELS + p] = prefix[p];
 }
 
-// A window is a run of the batch's fragments, of whole tiles or of a part of one: places are relative to its first.
+// A window is a run of the batch's fragments, of whole tiles or of some pixels of one tile. Places are relative to its
+// first fragment, modulo 2^32. A pixel outside of the window starts beyond `capacity`, so it emits nothing.
 kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                            uint first_tile, uint window_tile, int columns, int width, int height,
                            float depth_scale, global const uint *pixel_end, global const uint *tile_start,
