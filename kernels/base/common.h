@@ -1,13 +1,15 @@
-// What every kernel stands on: arithmetic that gives the same bits on every device, and the order of depths.
+// What every kernel includes: arithmetic that gives the same bits on every device, vectors of pixels, and the sample
+// grid.
 #ifndef COMMON_H
 #define COMMON_H
 
-// Contraction would let a compiler round a * b + c once or twice as it likes.
+// Without this a compiler may contract a * b + c to one operation with one rounding, or keep two roundings, as it
+// likes.
 #pragma OPENCL FP_CONTRACT OFF
 
 // --- what every compiler inlines --------------------------------------------------------------------------------
-// A CPU driver's builtins may be calls that are never inlined (PoCL's from PyPI are) and that keep loops from being
-// vectorized. Plain operators and, where the compiler has them, its own intrinsics give the same bits.
+// A CPU driver's builtins may be calls that are never inlined (PoCL's from PyPI are). They also keep loops from being
+// vectorized. Plain operators, and the compiler's own intrinsics where it has them, give the same bits without that.
 #ifndef __has_builtin
 #define __has_builtin(name) 0
 #endif
@@ -31,8 +33,8 @@
 #define CONVERT(type, count, value) PASTE(convert_, PASTE(type, count))(value)
 #endif
 
-// A list names records that lie far apart: asks for one some places ahead, so that it is there in time. Worth it where a
-// lane works alone; a GPU has other lanes to turn to.
+// Lists name records that lie far apart in memory. PREFETCH asks for one some places ahead, so that it arrives in time.
+// It pays where a lane works alone. A GPU turns to other lanes while one waits.
 #if LANES == 1 && CPU_TARGET && __has_builtin(__builtin_prefetch)
 #define PREFETCH(address) __builtin_prefetch((const void *)(size_t)(address))
 #else
@@ -50,7 +52,8 @@ INLINE uint3 load_face(global const uint *faces, uint index)
 }
 
 // --- the pixels of a tile -----------------------------------------------------------------------------------------
-// Block by block, as triangles cover them:  pixel = 16 block + 4 (row in the block) + column in the block.
+// Pixels are numbered block by block, as triangles cover them:  pixel = 16 block + 4 (row in the block) + column in the
+// block.
 INLINE uint pixel_at(uint column, uint row)
 {
     return (row / BLOCK * BLOCKS_A_ROW + column / BLOCK) * BLOCK_PIXELS + row % BLOCK * BLOCK + column % BLOCK;
@@ -68,7 +71,7 @@ INLINE uint pixel_at(uint column, uint row)
 #define IOTA 0, 1
 #endif
 
-// Which elements are -1 rather than 0, a bit each.
+// Which elements are -1 rather than 0, as bits: bit k for element k.
 INLINE uint bits_of2(int2 truth) { return (uint)(truth.x & 1) | (uint)(truth.y & 2); }
 INLINE uint bits_of4(int4 truth)
 {
@@ -80,7 +83,7 @@ INLINE uint bits_of8(int8 truth) { return bits_of4(truth.lo) | bits_of4(truth.hi
 INLINE uint bits_of16(int16 truth)
 {
 #if defined(__AVX512F__) && __has_builtin(__builtin_ia32_cmpd512_mask)
-    return (ushort)__builtin_ia32_cmpd512_mask(truth, (int16)(0), 4, -1);  // the mask of "not equal", one instruction
+    return (ushort)__builtin_ia32_cmpd512_mask(truth, (int16)(0), 4, -1);  // the mask of "not equal"
 #elif defined(__AVX__) && __has_builtin(__builtin_ia32_movmskps256)
     float16 signs = as_float16(truth);
     return (uint)__builtin_ia32_movmskps256(signs.lo) | (uint)__builtin_ia32_movmskps256(signs.hi) << 8;
@@ -94,8 +97,8 @@ INLINE uint bits_of16(int16 truth)
 }
 #define BITS_OF(truth) PASTE(bits_of, STRIP)(truth)
 
-// a where the mask's elements are -1, b where they are 0. A compiler that has no masks of single bits may make much of a
-// choice, as it does not know that these are all there is.
+// SELECT: a where the mask's elements are -1, b where they are 0. A compiler does not know that a mask has only these
+// two values. Without instructions for masks of single bits it may make slow code of `?:`.
 #if defined(__AVX512F__)
 #define SELECT(mask, a, b) ((mask) ? (a) : (b))
 #elif STRIP == 16 && defined(__AVX__) && __has_builtin(__builtin_ia32_blendvps256)
@@ -115,9 +118,9 @@ INLINE uint largest(VECTOR(uint) values)
     return found;
 }
 
-// --- a strip's elements here and there in memory ----------------------------------------------------------------------
-// Places are below 2^31; only those where `present` is -1 are touched. AVX-512 has instructions for it, which compilers
-// find for some elements at best, or not at all; hence by name where they are.
+// --- a strip's elements here and there in memory --------------------------------------------------------------------
+// Places `at` are below 2^31. Memory is touched only where `present` is -1. AVX-512 has instructions for this.
+// Compilers find them for some elements at most, or never, so they are named here.
 #if STRIP == 16 && defined(__AVX512F__) && __has_builtin(__builtin_ia32_scattersiv8di)
 #define AVX512 1
 #else
@@ -142,7 +145,7 @@ INLINE void scatter(global ulong *to, VECTOR(uint) at, VECTOR(int) present, VECT
 #endif
 }
 
-// What is not present becomes 0.
+// Elements that are not present become 0.
 INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int) present)
 {
     VECTOR(uint) found = (VECTOR(uint))(0);
@@ -160,16 +163,17 @@ INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int)
     return found;
 }
 
-// A line of a cache that is not read again soon: past the caches, and without reading first what was there. `to` is where a
-// line begins.
+// Writes a whole cache line that is not read again soon: past the caches, and without reading first what was there.
+// `to` is the beginning of a line.
 #if CPU_TARGET && __has_builtin(__builtin_nontemporal_store)
 #define STORE_LINE(to, value) __builtin_nontemporal_store(value, to)
 #else
 #define STORE_LINE(to, value) (*(to) = (value))
 #endif
 
-// The lowest bit's place, of a number that is not zero; and how many bits are set. Compilers for a CPU make one instruction
-// of their own functions. Others may accept these and then not know what to make of them, but all know OpenCL's.
+// LOWEST_BIT: the number of the lowest bit that is set, of a number that is not zero. POPCOUNT: how many bits are set.
+// Compilers for a CPU make one instruction of their own builtins. Others may accept these and then fail to translate
+// them, but all of them know OpenCL's functions.
 #if CPU_TARGET && __has_builtin(__builtin_ctz) && __has_builtin(__builtin_popcount)
 #define LOWEST_BIT(bits) __builtin_ctz(bits)
 #define POPCOUNT(bits) (uint)__builtin_popcount(bits)
@@ -179,14 +183,14 @@ INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int)
 #endif
 
 // --- time -----------------------------------------------------------------------------------------------------------
-// A clock that ticks evenly, where the device lets kernels read one; else 0.
+// A clock that ticks evenly, where the device lets kernels read one. Elsewhere 0.
 #if defined(__x86_64__) && __has_builtin(__builtin_ia32_rdtsc)
 #define TICKS() (ulong)__builtin_ia32_rdtsc()
 #else
 #define TICKS() 0ul
 #endif
 
-// Adds to a number of two words.
+// Adds to a number of 64 bits that is stored as two words, the low one first.
 INLINE void add_long(volatile global uint *total, ulong value)
 {
     uint low = (uint)value, high = (uint)(value >> 32);
@@ -195,13 +199,14 @@ INLINE void add_long(volatile global uint *total, ulong value)
 }
 
 // --- colour ---------------------------------------------------------------------------------------------------------
-// byte / 255, correctly rounded for every byte: 257 / 2^16 of it is exact, and what is left too small to be rounded wrongly.
+// byte / 255, correctly rounded for every byte. 257 / 2^16 of it is exact, and the rest is too small to be rounded
+// wrongly.
 #define UNIT_OF(byte) ((byte) * 0x1.01p-8f + (byte) * 0x1.0101020p-24f)
 
 // --- the sample grid, in subpixels from the image's centre ---------------------------------------------------------
 #define SAMPLE_AT(pixel, side) ((pixel) * SUBPIXELS + (SUBPIXELS / 2 - (side) * (SUBPIXELS / 2)))
 
-// First pixel whose sample lies at or right of (below) the coordinate, and last one at or left of (above) it.
+// The first pixel whose sample lies at or right of (below) the coordinate, and the last one at or left of (above) it.
 #define FIRST_PIXEL_FROM(coordinate, side) (((coordinate) + ((side) * (SUBPIXELS / 2) + SUBPIXELS / 2 - 1)) >> SUBPIXEL_BITS)
 #define LAST_PIXEL_TO(coordinate, side) (((coordinate) + ((side) * (SUBPIXELS / 2) - SUBPIXELS / 2)) >> SUBPIXEL_BITS)
 

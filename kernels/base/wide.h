@@ -1,6 +1,6 @@
-// Vectors of WIDE vertices or triangles: what one work-item computes side by side. A CPU's compiler is given whole
-// vectors, as it may not find them itself; a GPU has its lanes. The code is the same: Floats, Ints, ... are plain types
-// where WIDE is 1.
+// Vectors of WIDE vertices or triangles, which one work-item computes side by side. A CPU's compiler is given whole
+// vectors, because it may not find them itself. A GPU has its lanes, and WIDE is 1 there. Then Floats, Ints, ... are
+// plain types, and the code is the same.
 #ifndef WIDE_H
 #define WIDE_H
 
@@ -47,7 +47,7 @@ INLINE Floats FMA(Floats a, Floats b, Floats c)
 }
 #endif
 
-// The numbers at step x these places, which are below 2^31; step is 1 or 2.
+// Loads the 32-bit words at from[step * at]. `at` is below 2^31, and step is 1 or 2.
 #if WIDE == 1
 #define GATHER(from, step, at) ((global const uint *)(from))[(size_t)(step) * (at)]
 #elif defined(__AVX512F__) && __has_builtin(__builtin_ia32_gathersiv16si)
@@ -63,7 +63,7 @@ INLINE Uints gather_wide(global const uint *from, uint step, Uints at)
 }
 #endif
 
-// The work-item's WIDE of `count` items that begin at `first`; past the last, that again.
+// The numbers of the WIDE items from `first` on, of `count` items. Elements past the last item repeat it.
 INLINE Uints items_from(uint first, uint count)
 {
 #if WIDE == 1
@@ -73,8 +73,9 @@ INLINE Uints items_from(uint first, uint count)
 #endif
 }
 
-// Turns WIDE records of 16 numbers into 16 vectors of WIDE numbers, or back: in four steps, of halves, quarters, pairs and
-// single ones. Nothing to do where WIDE is 1.
+// --- records, to and from vectors of their fields -------------------------------------------------------------------
+// Transposes WIDE records of 16 words into 16 vectors of WIDE words, or back: in four steps, by halves, quarters, pairs
+// and single ones. Where WIDE is 1 nothing has to be done.
 #define RECORD_FIELDS 16
 INLINE void turn(Uints *m)
 {
@@ -93,7 +94,8 @@ INLINE void turn(Uints *m)
 #endif
 }
 
-// The records list[at], list[at + 1], ... (past `last`, that again), a vector for each of their fields.
+// Loads the records list[at], list[at + 1], ... as one vector for each of their fields. Elements past `last` repeat
+// that one.
 INLINE void load_records(global const Triangle *records, global const uint *list, uint at, uint last, Uints *field)
 {
 #if WIDE == RECORD_FIELDS
@@ -104,7 +106,7 @@ INLINE void load_records(global const Triangle *records, global const uint *list
     turn(field);
 }
 
-// Writes WIDE records from their fields.
+// Writes WIDE records, which are given as one vector for each field. It overwrites `field`.
 INLINE void store_records(global Triangle *to, Uints *field)
 {
     turn(field);
@@ -115,14 +117,14 @@ INLINE void store_records(global Triangle *to, Uints *field)
 #endif
 }
 
-// Elements one by one, where memory has them so.
+// Loops over the elements k, for data that is not stored as vectors. FLOAT_OF and INT_OF are element k of a vector.
 #define FOR_EACH_ELEMENT for (int k = 0; k < WIDE; ++k)
 #define FLOAT_OF(vector) (((float *)&(vector))[k])
 #define INT_OF(vector) (((int *)&(vector))[k])
 
 #define IS_FINITE(value) ((AS_UINTS(value) & (Uints)(0x7F800000u)) != (Uints)(0x7F800000u))
 
-// Nearest whole number, halves towards zero, |value| < 2^31.
+// The nearest whole number, halves towards zero. |value| < 2^31.
 INLINE Ints nearest(Floats value)
 {
     Ints whole = TO(Ints, value);
@@ -132,10 +134,11 @@ INLINE Ints nearest(Floats value)
 
 // --- pairs of floats: an unevaluated sum of about 48 bits ----------------------------------------------------------
 // Dekker, "A floating-point technique for extending the available precision" (1971), with fma for the exact product.
-// (Results go through a pointer: a returned struct is a hidden one, which some tools and compilers handle badly.)
+// Results are returned through a pointer: a struct as return value is passed by a hidden one, which some tools and
+// compilers handle badly.
 typedef struct { Floats hi, lo; } Pair;
 
-// The exact sum of two floats (Knuth): no assumption on their sizes.
+// The exact sum of two floats, whichever is larger (Knuth).
 INLINE void two_sum(Floats a, Floats b, Pair *sum)
 {
     Floats s = a + b, t = s - a;
@@ -143,7 +146,7 @@ INLINE void two_sum(Floats a, Floats b, Pair *sum)
     sum->hi = s;
 }
 
-// The same where |a| >= |b|.
+// The exact sum of two floats, where |a| >= |b|.
 INLINE void quick_two_sum(Floats a, Floats b, Pair *sum)
 {
     Floats s = a + b;
