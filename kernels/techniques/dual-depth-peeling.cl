@@ -1,38 +1,40 @@
-// dual-depth-peeling: the nearest and the farthest layer in each pass (Bavoil and Myers 2008, "Dual Depth Peeling").
+// dual-depth-peeling: peels the nearest and the farthest layer in each pass (Bavoil and Myers 2008, "Dual Depth
+// Peeling").
 //
-//   nearest, farthest              the min-max depth buffer of the pass before: the layers to be peeled in this one
-//   next_nearest, next_farthest    that of this pass, of the fragments between those: MAX blending of float2(-depth, depth)
-//   front                          colour blended under, and with it 1 - alpha, in the same pass
-//   back                           colour blended over what lies behind it
+//   nearest, farthest              the min-max depth buffer of the pass before: the two layers that this pass peels
+//   next_nearest, next_farthest    the one of this pass, of the fragments between those two: MAX blending of
+//                                  float2(-depth, depth)
+//   front                          colour that is blended under, and 1 - alpha with it, in the same pass
+//   back                           colour that is blended over what lies behind it
 //
-// The first pass peels nothing: it finds the outermost layers. From then on two layers are peeled while the next two are
-// found, so that N layers take N / 2 + 1 passes, and (N + 1) / 2 + 1 where N is odd. Where both fronts meet, the fragment is
-// the front's.
+// The first pass peels nothing: it finds the outermost layers. Each later pass peels two layers and finds the next two.
+// So N layers take N / 2 + 1 passes, and (N + 1) / 2 + 1 where N is odd. Where both fronts meet at one fragment, it
+// belongs to the front.
 #include "fragments/comparing.h"
 
 #define PEELED 2
 
 typedef struct {
     Fragments nearest, farthest, next_nearest, next_farthest;
-    Colors front, back;  // back.alpha is what the back layers let through
+    Colors front, back;  // back.alpha: the transmittance of the back layers
 } Buffers;
 
 INLINE void clear_buffers(Buffers *b)
 {
-    // All fragments lie between.
+    // All fragments lie between these two.
     clear_to(&b->next_nearest, NEAREST_KEY);
     clear_to(&b->next_farthest, FARTHEST_KEY);
     clear_buffer(&b->front);
     clear_buffer(&b->back);
 }
 
-// Whether the pass before found a layer that is the back's: where both fronts meet, the fragment is the front's.
+// Where the pass before found a layer for the back. Where both fronts meet at one fragment, it belongs to the front.
 INLINE VECTOR(int) has_back(const Buffers *b)
 {
     return is_there(&b->farthest) & (b->farthest.payload != b->nearest.payload);
 }
 
-// The fragments at the window's depths are there, as the pass before found them: they pass, and need not be looked for.
+// The pass before found the fragments at the two depths. So they pass, without being visited again.
 INLINE uint begin_pass(Buffers *b)
 {
     b->nearest = b->next_nearest, b->farthest = b->next_farthest;
@@ -46,7 +48,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     VECTOR(int) between = covered & is_behind(fragments, &b->nearest) & is_behind(&b->farthest, fragments);
     if (BITS_OF(between) == 0) return between;
     VECTOR(int) nearer = b->next_farthest.key > fragments->key, farther = fragments->key > b->next_farthest.key;
-    if (!BY_DEPTH) farther = ~nearer;  // of one depth, the last to arrive
+    if (!BY_DEPTH) farther = ~nearer;  // of equal depths, the last to arrive is the farthest
     replace(&b->next_nearest, between & (fragments->key < b->next_nearest.key), fragments);
     replace(&b->next_farthest, between & farther, fragments);
     return between;
@@ -63,10 +65,10 @@ INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
     else blend_under(&b->front, colors);
 }
 
-// What lies between is seen through the front, and changes what is seen of the back.
+// The layers between are seen through the front. They also change what is seen of the back.
 INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->front.alpha); }
 
-// Nothing more is to be peeled where nothing lies between, or too little behind the front could be seen.
+// Nothing more is peeled where nothing lies between, or where too little would be seen through the front.
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     VECTOR(int) more = is_there(&b->next_nearest) & (b->front.alpha > (VECTOR(float))(0.0f));
@@ -79,7 +81,7 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
     return more;
 }
 
-// The front under-blends the back, and both what is behind them.
+// Puts the front over the back, and both over what is behind them.
 INLINE void merge(const Buffers *b, Colors *merged)
 {
     Colors front, back;

@@ -1,11 +1,12 @@
-// glowscript: opaque surfaces, then at most four peels in front of them, merged at last ("Details about handling transparency
-// with depth peeling", GlowScript).
+// glowscript: opaque surfaces, then at most four peels in front of them, which are merged at the end ("Details about
+// handling transparency with depth peeling", GlowScript).
 //
-//   behind      C0 and D0: the opaque surfaces' colour and depth (opaque.h)
-//   slot        D1, D2, D1, ...: the depth of the nearest fragment between the peel before, z_near, and D0
-//   peel[k]     C1 .. C4: the colour and opacity of each peel
+//   behind      C0 and D0: colour and depth of the opaque surfaces (stages/opaque.h)
+//   slot        D1, D2, D1, ...: the depth of the nearest fragment between D0 and z_near, which is the peel before
+//   peel[k]     C1 .. C4: colour and opacity of each peel
 //
-// The merge: C1.rgb C1.a + (1 - C1.a) (C2.rgb C2.a + (1 - C2.a) (C3.rgb C3.a + (1 - C3.a) (C4.rgb C4.a + (1 - C4.a) C0)))
+// The merge is
+//   C1.rgb C1.a + (1 - C1.a) (C2.rgb C2.a + (1 - C2.a) (C3.rgb C3.a + (1 - C3.a) (C4.rgb C4.a + (1 - C4.a) C0))).
 #include "fragments/comparing.h"
 
 #define PEELED 1

@@ -1,18 +1,22 @@
-// multi-layer-hazards: multi-layer peeling as it goes where fragments read and write the same targets at once, deterministically
-// (Liu, Wei and Xu 2006, "Multi-layer depth peeling via fragment sort", Figures 1 and 2, both loops of Table 1).
+// multi-layer-hazards: multi-layer peeling where fragments read and write the same targets at the same time, simulated
+// so that every run has the same result (Liu, Wei and Xu 2006, "Multi-layer depth peeling via fragment sort", Figures 1
+// and 2, both loops of Table 1).
 //
-//   slot[i]   what stands in the i-th target: the fragments that have been written, nearest first
-//   wave      HAZARD_WINDOW fragments of a pixel in the order of submission: all of them read what stood before the first
+//   slot[i]   what the i-th target has: the fragments that have been written, nearest first
+//   wave      HAZARD_WINDOW consecutive fragments of a pixel, in submission order; all of them read what the targets
+//             had before the first of them wrote
 //
-// A fragment that reads itself, or M nearer ones, writes nothing. Else it writes all that it has read and itself, in order. Of
-// a wave's writes the last wins: so each wave adds one fragment, others are lost, and the inner loop goes over all fragments
-// again until nothing is written. Writes land farthest first, so that the nearest wins and each pass has at least one more of
-// the M layers right, as the paper has it; or, with HAZARD_ARRIVAL, in the order in which fragments arrive, where up to as many
-// passes are needed as there are layers. With TORN_WRITES the last of a wave commits half of its targets, the odd ones, and the
-// write before it the others; a fragment that is then there twice is cleaned out when it is read.
+// A fragment writes nothing if it reads itself, or M nearer ones in M targets. Else it writes all that it has read, and
+// itself, in order. Of a wave's writes the last one wins. So each wave adds one fragment, and the others are lost. The
+// inner loop therefore visits all fragments again until nothing is written.
 //
-// That may go round in circles. What follows from a pixel's slots is always the same, so it does once they come back to what
-// they were: `kept` are those of pass 1, 2, 4, 8, ... (Brent 1980).
+// By default, writes land farthest first, so the nearest fragment wins. Then each pass gets at least one more of the M
+// layers right, as in the paper. With HAZARD_ARRIVAL, writes land in the order in which fragments arrive. Then as many
+// passes as layers may be needed. With TORN_WRITES, the last write of a wave reaches only half of its targets, the odd
+// slots, and the write before it reaches the others. If a fragment is then there twice, its second place is cleared.
+//
+// With torn writes this may never end. What follows from the slots of a pixel is always the same. So there is no end
+// once they come back to what they were. `kept` has the slots after pass 1, 2, 4, 8, ... to compare with (Brent 1980).
 #include "fragments/comparing.h"
 
 #ifndef HAZARD_WINDOW
@@ -23,13 +27,13 @@
 #endif
 #define PEELED LAYERS_A_PASS
 #define REPEATS 1
-#define SAME_DEPTH (BY_DEPTH ? 0xFFFFFFFFul : 0ul)  // as what fragments of one depth differ in
+#define SAME_DEPTH (BY_DEPTH ? 0xFFFFFFFFul : 0ul)  // the bits in which fragments that count as one may differ
 
 typedef struct {
     ulong z_near[STRIP], slot[STRIP][LAYERS_A_PASS], kept[STRIP][LAYERS_A_PASS];
-    ulong last[STRIP], before[STRIP];  // writes of the wave: the one that lands last, and the one before it
+    ulong last[STRIP], before[STRIP];  // writes of the wave: the last one to land, and the one before it
     uint arrived[STRIP], passes, kept_at;
-    VECTOR(int) written;  // in this pass
+    VECTOR(int) written;  // where something was written in this pass
     Colors color;
 } Buffers;
 
@@ -54,7 +58,7 @@ INLINE uint begin_pass(Buffers *b)
     return 0;
 }
 
-// The slots with one fragment more, in order; the last one drops out.
+// Inserts a fragment into the slots, in order. The last one drops out.
 INLINE void insert(ulong *slot, ulong fragment)
 {
     for (int i = 0; i < LAYERS_A_PASS; ++i) {
@@ -63,7 +67,7 @@ INLINE void insert(ulong *slot, ulong fragment)
     }
 }
 
-// The wave's writes land.
+// Ends a wave of pixel k: its writes land.
 INLINE void end_wave(Buffers *b, int k)
 {
     ulong *slot = b->slot[k], other[LAYERS_A_PASS];
@@ -72,7 +76,7 @@ INLINE void end_wave(Buffers *b, int k)
         insert(slot, b->last[k]);
         if (TORN_WRITES && b->before[k] != ABSENT) {
             insert(other, b->before[k]);
-            // They are still in order, so that a fragment's second place is next to its first.
+            // The slots are still in order, so a fragment that is there twice has its two places side by side.
             for (int i = 0; i < LAYERS_A_PASS; i += 2) slot[i] = other[i];
             int clean = 1;
             for (int i = 1; i < LAYERS_A_PASS; ++i)
@@ -83,7 +87,7 @@ INLINE void end_wave(Buffers *b, int k)
     b->arrived[k] = 0, b->last[k] = b->before[k] = ABSENT;
 }
 
-// One fragment arrives at a pixel; returns whether it writes.
+// A fragment arrives at pixel k. Returns whether it writes.
 INLINE bool arrive(Buffers *b, int k, ulong fragment)
 {
     if (b->arrived[k] == HAZARD_WINDOW) end_wave(b, k);
@@ -108,7 +112,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     return passed;
 }
 
-// Ends a pass. A pixel that was written to and whose slots are what they were after an earlier one goes round.
+// Ends a pass. If a pixel was written to, and its slots are as they were after an earlier pass, its passes have no end.
 INLINE uint goes_round(Buffers *b)
 {
     uint pixel = 0;

@@ -1,12 +1,15 @@
-// multi-layer-peeling: the LAYERS_A_PASS nearest layers in each pass, by insertion sort (Bavoil and Myers call the sorted slots
-// buckets; Liu, Wei and Xu 2006, "Multi-layer depth peeling via fragment sort", Tables 1 and 2, store them in render targets).
+// multi-layer-peeling: peels the LAYERS_A_PASS nearest layers in each pass, by insertion sort. (Liu, Wei and Xu 2006,
+// "Multi-layer depth peeling via fragment sort", Tables 1 and 2, store them in render targets. Bavoil and Myers call
+// the sorted slots buckets.)
 //
-//   slot[i]   the i-th nearest fragment of this pass beyond all peeled ones: colour and depth in one MRT bucket
-//   z_near    the last layer peeled: what a fragment must be behind
+//   slot[i]   the i-th nearest fragment of this pass, behind all peeled ones: colour and depth in one MRT bucket
+//   z_near    the last layer that was peeled: a fragment must be behind it
 //
-// One work-item owns a pixel, so that a fragment is inserted before the next one comes: nothing is lost to concurrent writes,
-// and a pass is never repeated. (Loops over the slots are unrolled by name: PoCL 3.0's compiler gets one of three slots wrong,
-// with strips of fewer than 16 pixels, where it has the choice.)
+// One work-item owns a pixel, so a fragment is inserted before the next one comes. Nothing is lost to concurrent
+// writes, and a pass is never repeated.
+//
+// Loops over the slots are unrolled explicitly. Where PoCL 3.0's compiler may choose, it gets one of three slots wrong,
+// with strips of fewer than 16 pixels.
 #include "fragments/comparing.h"
 
 #ifndef LAYERS_A_PASS
@@ -38,13 +41,14 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     const Fragments *last = b->slot + LAYERS_A_PASS - 1;
     VECTOR(int) passed = covered & is_behind(fragments, &b->z_near);
     if (BY_DEPTH)
-        UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i)  // the fragment's depth is in the buffer already
+        UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i)  // skip a depth that is in a slot already
             passed &= fragments->key != b->slot[i].key;
-    b->more |= passed & is_there(last);  // this one stays behind, or the last does
+    b->more |= passed & is_there(last);  // this one or the last slot's is left over
     passed &= fragments->key < last->key;
     if (LAYERS_A_PASS > 2 && BITS_OF(passed) == 0) return passed;
-    // From the last slot to the first: one takes what the slot before it had where the fragment is in front of that, the
-    // fragment itself where it is in front of its own alone. What has not passed is behind all.
+    // From the last slot to the first, each slot takes one of three: the fragment of the slot before it, where the new
+    // one is in front of that; the new one, where it is in front of this slot alone; else what it has. A new one that
+    // has not passed gets the farthest key, so it changes nothing.
     VECTOR(int) key = SELECT(passed, fragments->key, (VECTOR(int))(FARTHEST_KEY));
     UNROLL for (int i = LAYERS_A_PASS - 1; i > 0; --i) {
         Fragments *slot = b->slot + i, *before = slot - 1;
@@ -63,7 +67,7 @@ INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->color.alpha); }
 
-// Nothing passes any more where no layer was found for the last slot, or too little behind could be seen.
+// Nothing passes any more where the last slot is empty, or where too little behind it could be seen.
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     const Fragments *last = b->slot + LAYERS_A_PASS - 1;

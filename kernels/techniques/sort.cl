@@ -1,10 +1,11 @@
-// sort: the exact picture, by sorting each pixel's fragments (sorting.h) and blending them front to back.
+// sort: the exact picture. It sorts each pixel's fragments (fragments/sorting.h) and blends them front to back.
 //
-// Blending (blending.h) stops where the transmittance is exactly zero: nothing behind can change the picture. BOUNDED, each
-// pixel's stops where it is parameters[0] or less, which is then the most that what is behind can change (composite.h).
+// Blending stops where the transmittance is exactly zero, because then nothing behind can change the picture. With
+// BOUNDED, the blending of each pixel stops where its transmittance is parameters[0] or less. This transmittance is
+// then also the most that the fragments behind can change (stages/composite.h).
 #include "fragments/sorting.h"
 
-// Whether any pixel lets more than that through.
+// Whether any pixel of a strip has more transmittance than `least_seen`.
 INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
 {
     bool seen = false;

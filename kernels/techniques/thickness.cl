@@ -1,6 +1,7 @@
-// thickness: how far the ray of each pixel runs through the scene, as a map (thickness.h).
+// thickness: how far the ray of each pixel runs through the scene, as a map (techniques/thickness.h).
 //
-// The picture is made of the map by the host, which knows its range then; here a pixel is covered, or it is not.
+// The host makes the picture from the map, because only then the range of lengths is known. Here pixels are only marked
+// as covered or not.
 #include "base/common.h"
 #include "fragments/blending.h"
 

@@ -1,23 +1,27 @@
-// Thickness: how far a ray runs through what a pixel's crossings bound, by any of three rules, and what light leaves of it.
+// Thickness: how far a ray runs within the surfaces that it crosses, by one of three rules (VARIANT).
 //
-//   EXACT         all of a pixel's fragments sorted (sorting.h): a front-facing crossing adds one to a count, a back-facing
-//                 one takes one off, and lengths count where it is not zero (the nonzero rule)
-//   TOTAL         MIN blending of (depth, 1 - depth): from the nearest crossing to the farthest (Oat and Scheuermann 2008,
-//                 "Computing Per-Pixel Object Thickness in a Single Render Pass", ShaderX6)
-//   FIRST_SOLID   MIN blending of (depth, 1) where front-facing and (1, depth) where not: from the nearest front-facing
-//                 crossing to the nearest back-facing one
+//   EXACT         sorts all of a pixel's fragments (fragments/sorting.h). A front-facing crossing adds one to a count,
+//                 a back-facing one takes one off. Lengths count where the count is not zero (the nonzero rule).
+//   TOTAL         MIN blending of (depth, 1 - depth): from the nearest crossing to the farthest (Oat and Scheuermann
+//                 2008, "Computing Per-Pixel Object Thickness in a Single Render Pass", ShaderX6)
+//   FIRST_SOLID   MIN blending of (depth, 1) where front-facing and (1, depth) where back-facing: from the nearest
+//                 front-facing crossing to the nearest back-facing one
 //
-// The last two store no fragments and sort nothing. Depths are keys (depth.h), so that 1 is ~0 and 1 - depth is ~depth.
-// Coverage is exact, so that every sample of a closed mesh has as many front-facing as back-facing crossings. Where a pixel's
-// crossings do not pair up (the count does not end at zero; no back-facing one behind the first front-facing one) it is
-// unpaired: the mesh is open there, or cut by a clipping plane.
+// The last two store no fragments and sort nothing. Depths are keys (fragments/depth.h), so 1 is ~0, and 1 - depth is
+// ~depth.
 //
-// parameters: what a length is multiplied with, the scale of depths (depth.h), then those of the technique.
-// found: thickness, 1 where unpaired, 1 where there is any fragment, 0.
+// Coverage is exact. So each sample of a closed mesh has as many front-facing crossings as back-facing ones. A pixel is
+// "unpaired" if its crossings do not pair up. With EXACT, its count does not end at zero. With FIRST_SOLID, one of its
+// two crossings is missing, or the back-facing one is in front. TOTAL never marks a pixel. Where a pixel is unpaired,
+// the mesh is open, or cut by a clipping plane.
 //
-// The technique defines, before it includes this,
-//   shown(foremost, thickness, parameters, resolved)   a strip's premultiplied colours and transmittances, from the colours of
-//                                                      the foremost fragments; those without any are made clear afterwards
+//   parameters    what lengths are multiplied with; the scale of depths (fragments/depth.h); then the technique's own
+//   found         thickness; 1 where unpaired; 1 where there is any fragment; 0
+//
+// Before it includes this file, the technique defines
+//   shown(foremost, thickness, parameters, resolved)
+// It gives a strip's premultiplied colours and transmittances, from the colours of the foremost fragments. Pixels
+// without any fragment are cleared afterwards.
 #ifndef THICKNESS_H
 #define THICKNESS_H
 
@@ -28,14 +32,16 @@
 #define FACING 1
 #define VALUES 1
 
-// Here, as each file is put in once, where it is first asked for, and what draw.h and peel.h share must not stand in either.
+// These includes stand here, outside of the conditions below. A file is put in only once, where it is first asked for.
+// What frames/one_pass.h and frames/many_passes.h share must therefore not be put into one of the branches.
 #include "stages/opaque.h"
 #include "fragments/sorting.h"
 
-// The length between two crossings, before it is multiplied with what the host says. Window depths, and distances in parallel
-// projection, are linear in depth: the host then says that there is no PERSPECTIVE. Else depth is near / distance, and
-// near / b - near / a = near (a - b) / (a b): the difference is taken of depths, as it is exact where they lie within a factor
-// of two (Sterbenz 1974).
+// The length between two crossings, before it is multiplied with parameters[0]. Window depths are linear in depth, and
+// so are distances in parallel projection. The host then compiles without PERSPECTIVE. Else depth is near / distance:
+//   near / b - near / a = near (a - b) / (a b).
+// The difference of the depths is taken first, because it is exact where they lie within a factor of two (Sterbenz
+// 1974).
 INLINE VECTOR(float) length_between(VECTOR(float) nearer, VECTOR(float) farther)
 {
 #if PERSPECTIVE
@@ -47,7 +53,7 @@ INLINE VECTOR(float) length_between(VECTOR(float) nearer, VECTOR(float) farther)
 
 INLINE VECTOR(int) is_back(VECTOR(uint) payload) { return (payload & (VECTOR(uint))(1)) != (VECTOR(uint))(0); }
 
-// What both ways of finding it end with.
+// Turns a length into what is found and what is shown. Both ways to find it end here.
 INLINE void measure(VECTOR(int) covered, VECTOR(float) length, VECTOR(int) unpaired, const Colors *foremost,
                     global const float *parameters, Colors *resolved, Colors *found)
 {
@@ -65,7 +71,8 @@ INLINE void measure(VECTOR(int) covered, VECTOR(float) length, VECTOR(int) unpai
 
 #if VARIANT == EXACT
 
-// Fragments whose payload tells no facing any more: for their colours.
+// --- by sorting -----------------------------------------------------------------------------------------------------
+// Fragments without the facing in their payload, as colours are fetched by the payload alone.
 INLINE VECTOR(ulong) without_facing(VECTOR(ulong) fragment)
 {
     const VECTOR(ulong) payload = (VECTOR(ulong))(0xFFFFFFFFul);
@@ -110,7 +117,8 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
 
 #define PEELED 2
 
-// The two channels of the article's render target, each with what it is the depth of, and the colour of what is foremost.
+// --- by MIN blending ------------------------------------------------------------------------------------------------
+// The two channels of the article's render target, each with the fragment whose depth it is; and the foremost colour.
 typedef struct {
     Fragments red, green;
     Colors color;
@@ -144,7 +152,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     return covered;
 }
 
-// The nearer and the farther of the two that are kept.
+// The nearer and the farther of the two fragments that are kept.
 INLINE void kept(const Buffers *b, Fragments *nearer, Fragments *farther)
 {
     *nearer = b->red, *farther = b->green;

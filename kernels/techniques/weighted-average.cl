@@ -1,19 +1,19 @@
-// weighted-average: one pass over the fragments in the order they come, no sorting, not exact.
+// weighted-average: one pass over the fragments in submission order, without sorting; not exact.
 //
-// Bavoil and Myers (2008, "Weighted Average"): all n fragments of a pixel are taken to have the average colour, weighted by
-// alpha, and the average alpha,
-//   C = sum(Ai Ci) / sum(Ai),   A = sum(Ai) / n,
-// and n such layers over a background C0 are
+// Bavoil and Myers (2008, "Weighted Average") take all n fragments of a pixel to have the average colour, weighted by
+// alpha, and the average alpha:
+//   C = sum(Ai Ci) / sum(Ai),   A = sum(Ai) / n.
+// Then n such layers over a background C0 are
 //   C A (1 - (1 - A)^n) / A + C0 (1 - A)^n.
-// The coverage 1 - (1 - A)^n is what float32 loses where A is small: 1 - A rounds to one. So the power is taken of a pair of
-// floats, by squaring, which has the same bits on every device; and colours are the sums times coverage / sum(Ai), which is
-// one where there is one fragment, and asked for only where sum(Ai) is not zero.
+// Where A is small, float32 loses the coverage 1 - (1 - A)^n, because 1 - A rounds to one. So the power is computed as
+// a pair of floats, by squaring, which gives the same bits on every device. Colours are the sums times coverage /
+// sum(Ai). This factor is one where there is one fragment, and is used only where sum(Ai) is not zero.
 #include "fragments/sums.h"
 #include "base/wide.h"
 
 typedef struct { VECTOR(float) high, low; } Parts;  // an unevaluated sum
 
-// The product (Dekker 1971): about 46 bits.
+// Multiplies a by b (Dekker 1971), to about 46 bits.
 INLINE void multiply(Parts *a, const Parts *b)
 {
     VECTOR(float) p = a->high * b->high, e;
@@ -44,7 +44,8 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
                           VECTOR(uint) count, global const void *colors, Colors *resolved)
 {
     add_up(fragments, begin, step, count, colors, resolved);
-    // A buffer of 16-bit floats counts to 2048: one more is rounded away. One of 8 bits counts its steps, to 255.
+    // The paper's buffer also counts the fragments. In 16-bit floats it counts to 2048, as one more is rounded away. In
+    // 8 bits it counts steps, to 255.
     VECTOR(uint) n = PRECISION ? MIN(count, (VECTOR(uint))(PRECISION == 1 ? 2048 : 255)) : count;
     VECTOR(float) sum = resolved->alpha;
     VECTOR(int) some = sum != (VECTOR(float))(0.0f);

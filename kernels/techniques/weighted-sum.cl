@@ -1,9 +1,9 @@
-// weighted-sum: one pass over the fragments in the order they come, no sorting, not exact.
+// weighted-sum: one pass over the fragments in submission order, without sorting; not exact.
 //
 // Meshkin's sum (2007), as Bavoil and Myers compare it (2008, "Weighted Sum"), over a background C0:
 //   C = sum(Ai Ci) + C0 (1 - sum(Ai))
-// It is the picture's first-order part: right where alphas are small. Where they sum to more than one, what is left of the
-// background is less than nothing (draw.h counts those pixels).
+// This is the first-order part of the picture, so it is right where alphas are small. Where they sum to more than one,
+// the transmittance is negative. stages/composite.h counts those pixels.
 #include "fragments/sums.h"
 
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
