@@ -3,8 +3,7 @@
 #ifndef COMMON_H
 #define COMMON_H
 
-// Without this a compiler may contract a * b + c to one operation with one rounding, or keep two roundings, as it
-// likes.
+// Without this a compiler may round a * b + c once or twice, as it likes.
 #pragma OPENCL FP_CONTRACT OFF
 
 // --- what every compiler inlines --------------------------------------------------------------------------------
@@ -119,8 +118,8 @@ INLINE uint largest(VECTOR(uint) values)
 }
 
 // --- a strip's elements here and there in memory --------------------------------------------------------------------
-// Places `at` are below 2^31. Memory is touched only where `present` is -1. AVX-512 has instructions for this.
-// Compilers find them for some elements at most, or never, so they are named here.
+// Places `at` are below 2^31. Memory is touched only where `present` is -1. AVX-512 has instructions for this, and AVX2
+// for gathering. Compilers find them for some elements at most, or never, so they are named here.
 #if STRIP == 16 && defined(__AVX512F__) && __has_builtin(__builtin_ia32_scattersiv8di)
 #define AVX512 1
 #else

@@ -99,10 +99,12 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             VISITS((1u << TILE_BLOCKS) - 1)
             VECTOR(uint) key = keys_of(t, weight, depth_scale);
             if (MIXED) {
+                // Skips what lies behind the opaque surface. With BY_DEPTH it also skips what lies exactly on it.
                 VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
                 submitted |= (VECTOR(ulong))((ulong)(BY_DEPTH ? 0xFFFFFFFFu : t->source));
                 covered &= CONVERT(int, STRIP, submitted < z_far[OWN(block)]);
             }
+            // The key as a signed number (fragments/comparing.h).
             Fragments arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
                                   (VECTOR(int))((int)PAYLOAD(FRAGMENT_COLOR ? place : t->source, t))};
             if (pass == 0) fragments += POPCOUNT(BITS_OF(covered));
@@ -116,13 +118,16 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 if (pixel) endless = pixel + (own * LANES + lane) * STRIP;
             }
             if (lane == 0) add_long(totals_of_pass + 2, TICKS() - begun);
+            // A peel that has used all its passes, and still finds something, counts as one without end.
             if (passed && !endless && pass % most_repeats == 0) endless = 1 + lane * STRIP;
             if (endless) break;
+            // The pass is repeated until nothing passes any more.
             if (passed) {
                 left_over = true;
                 continue;
             }
             passed = pass % most_repeats > 1;  // at least two passes, so the first of them found something
+            // The passes of the next peel begin at the next multiple of most_repeats.
             pass += most_repeats - pass % most_repeats;
             for (int own = 0; own < STRIPS_A_LANE && !passed; ++own) more[own] = (VECTOR(int))(0);
 #endif
@@ -138,6 +143,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 }
                 more[own] = end_pass(buffers + own, least_seen);
 #if BOUNDED
+                // Pixels where too little could be seen are not peeled further. They move from `more` to `stopped`.
                 VECTOR(int) hidden = more[own] & ~(seen_through(buffers + own) > (VECTOR(float))(least_seen));
                 stopped[own] |= hidden, more[own] &= ~hidden;
 #endif

@@ -51,7 +51,7 @@ INLINE void along(const Pair *from, const Pair *to, const Pair *t, Pair *there)
 
 // Clips a polygon against one plane (Sutherland and Hodgman). Cuts are always made from inside to outside, so two faces
 // that share an edge share its cut. Returns how many corners are left. A convex polygon gains one corner at most.
-// Rounding can make a sliver not convex, so that it gains more. `room` bounds that.
+// Rounding can let a sliver gain more, which `room` bounds.
 static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRange depth, PolygonCorner *out)
 {
     int kept = 0, room = MAX_CLIP_VERTICES - 1;

@@ -2,8 +2,8 @@
 //
 //   project_vertices    WIDE vertices a work-item: to clip space in pairs of floats, then snapped to 1/256 pixel
 //   cull_triangles      WIDE faces a work-item: finds what each needs, which is DRAWN where it may cover a sample
-//   count_states        a chunk of faces a work-item: counts those that are DRAWN or CLIPPED, CLIPPED, DISCARDED
-//   list_triangles      a chunk of faces a work-item: lists those that are DRAWN or CLIPPED, and which are CLIPPED
+//   count_states        a chunk of faces a work-item: counts faces that are DRAWN or CLIPPED, CLIPPED, and DISCARDED
+//   list_triangles      a chunk of faces a work-item: lists faces that are DRAWN or CLIPPED, and which are CLIPPED
 //   setup_triangles     WIDE listed faces a work-item: writes their records, in the order of the list
 //
 // The list has the opaque faces first, then the transparent ones, each kind in submission order. The lists of tiles
@@ -13,6 +13,7 @@
 // A work-item's elements past the last item repeat the last one, and write into padding.
 #include "stages/projection.h"
 
+// --- vertices -------------------------------------------------------------------------------------------------------
 // Which planes vertices are outside of, a bit each. This rounds once more than plane_distance() in stages/clipping.cl.
 // So for a vertex within a rounding of a plane, one of them may say outside and the other inside. Clipping then cuts at
 // the vertex.
@@ -56,8 +57,10 @@ kernel void project_vertices(global const float *positions, global const float *
     }
 }
 
-// Whether triangles cover a sample, if their bounds have at most 2 x 2: it evaluates their edge functions
-// (stages/walk.h) there. The result means nothing for larger ones. flip: where the corners run the other way.
+// --- faces ----------------------------------------------------------------------------------------------------------
+// Whether triangles cover a sample, for those whose bounds have at most 2 x 2 samples: their edge functions
+// (stages/walk.h) are evaluated at each. For larger triangles the result means nothing. flip: where the corners run the
+// other way.
 INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height)
 {
     Ints covers = (Ints)(0);
@@ -127,6 +130,9 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint verte
     FOR_EACH_ELEMENT states[first + k] = (uchar)INT_OF(state);
 }
 
+// --- lists of faces -------------------------------------------------------------------------------------------------
+// Five numbers for each chunk: opaque faces to be listed, and how many of them are CLIPPED (both 0 unless surfaces are
+// MIXED); other faces to be listed, and how many of them are CLIPPED; and DISCARDED faces.
 kernel void count_states(global const uchar *states, uint face_count, uint chunk_faces, global uint *chunk_counts)
 {
     uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
@@ -168,6 +174,7 @@ kernel void list_triangles(global const uchar *states, uint face_count, uint chu
     }
 }
 
+// --- records --------------------------------------------------------------------------------------------------------
 kernel void setup_triangles(global const uint *faces, uint vertex_count, global const Vertex *vertices,
                             global const uint *listed, uint listed_count, uint opaque_count, int width, int height,
                             global Triangle *triangles, global ushort4 *bounds, global float *weights)

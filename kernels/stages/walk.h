@@ -10,9 +10,12 @@
 //   lists    those of pixel 0, first submitted .. last, then those of pixel 1, ...: each list is as long as it must be
 //
 // A fragment is one integer of 64 bits, key << 32 | payload. The key is that of its depth (fragments/depth.h). The
-// payload is its face, or, where each fragment has a colour of its own, its place in `colors`. Both payloads grow with
-// submission. So the order of the integers is that of (depth, submission index). With FACING, the lowest bit of the
-// payload says whether the fragment is seen from behind. A technique that needs this defines FACING.
+// payload is its face where faces have one colour. Where colours vary over a face, it is the fragment's own place in
+// `colors`, or, when peeling, the place of its record in `pairs`. All of these grow with submission. So the order of
+// the integers is that of (depth, submission index).
+//
+// With FACING, the lowest bit of the payload says whether the fragment is seen from behind. A technique that needs this
+// defines FACING.
 #ifndef RASTER_H
 #define RASTER_H
 
@@ -32,8 +35,8 @@
 #endif
 
 // --- strips and lanes -----------------------------------------------------------------------------------------------
-// LANE_BLOCKS: the blocks that have strips of this lane, a bit each. OWN: the number of a block among these.
-// FIRST_PIXEL: the first pixel of the block, 0 .. 15, that belongs to this lane.
+// LANE_BLOCKS: the blocks that have strips of this lane, a bit each. OWN: the number of such a block among the lane's
+// own. FIRST_PIXEL: the first pixel of the block, 0 .. 15, that belongs to this lane.
 #if LANES <= TILE_BLOCKS
 #define LANE_BLOCKS (((1u << TILE_BLOCKS) - 1) / ((1u << LANES) - 1) << lane)
 #define OWN(block) ((block) / LANES)
@@ -367,8 +370,8 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, i
 
 // --- fragments to memory --------------------------------------------------------------------------------------------
 // Where a walk writes fragments. Each pixel has a counter, `next`: the place of its next fragment, relative to where
-// its strip begins. It grows by `step`. Strip s begins at s * strip_room. A fragment whose place is
-// not below `room` is skipped, so a `next` that starts beyond it, or below zero, skips all fragments of its pixel.
+// its strip begins. It grows by `step`. Strip s begins at s * strip_room. A fragment whose place is not below `room` is
+// skipped, so a `next` that starts beyond it, or below zero, skips all fragments of its pixel.
 //
 //   rows     next = IOTA, step = STRIP, room = strip_room = what a strip has room for
 //   lists    next = where the pixel's list begins, step = 1, room = what all lists have room for, strip_room = 0
