@@ -1,1 +1,1 @@
-"""Reading: the files of strangers to scenes. Nothing here knows a device."""
+"""Reading: turns other people's files into scenes. Nothing here uses an OpenCL device."""

@@ -1,4 +1,4 @@
-"""Companions: the files that a mesh names, such as materials, textures and buffers, read without ever waiting."""
+"""Companions: the other files that a mesh file names, such as materials, textures and buffers. Reading never blocks."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from clpeel.reading.signatures import looks_like
 
 
 class Companions:
-    """What trimesh calls a resolver: it gives the bytes of a name, and remembers those that could not be had.
+    """A resolver, as trimesh calls it: returns the bytes behind a name, and remembers each name without any.
 
-    Only regular files in the mesh's folder or below are read: a pipe named as a texture could keep its reader waiting.
-    given: bytes by name, from files read before or put there. lost: why a name could not be had.
+    It reads only regular files, and only in the mesh's folder or below. A mesh file may name a pipe as a texture, and
+    reading that pipe could block forever.
+    given: the bytes by name, of files that were read or of data that was put there. lost: by name, the reason why it
+    could not be read.
     """
 
     def __init__(self, path: str) -> None:
@@ -26,7 +28,7 @@ class Companions:
         self.lost: dict[str, str] = {}
 
     def get(self, name: str) -> bytes:
-        """The bytes behind a file's name or a data URI; FileNotFoundError if there are none."""
+        """Return the bytes behind a file name or a data URI. Raises FileNotFoundError if there are none."""
         if name not in self.given:
             try:
                 self.given[name] = _embedded(name) if name.startswith("data:") else self._file(name)
@@ -38,9 +40,12 @@ class Companions:
     __getitem__ = get
 
     def _file(self, name: str) -> bytes:
-        """The bytes of the first regular file among what the name may mean; OSError or ValueError says why not."""
+        """Return the bytes of the first regular file that the name may mean.
+
+        Raises OSError or ValueError with the reason.
+        """
         plain = name.strip()
-        usual = plain.strip('"').replace("\\", "/")  # names may be quoted, and written on Windows
+        usual = plain.strip('"').replace("\\", "/")  # a name may be quoted, or written on Windows
         reason = "no such file"
         for spelling in dict.fromkeys((plain, usual, unquote(usual), usual.lstrip("/"), os.path.basename(usual))):
             path = os.path.realpath(os.path.join(self.folder, spelling))
@@ -53,7 +58,7 @@ class Companions:
         raise ValueError(reason)
 
     def picture(self, name: str) -> str | None:
-        """Why the picture behind a name cannot be a texture, for a note; None if it can be opened."""
+        """Return why the picture behind a name cannot be a texture, for a note, or None if Pillow can open it."""
         try:
             return unusable(self.get(name))
         except FileNotFoundError:
@@ -61,7 +66,7 @@ class Companions:
 
 
 def _regular(path: str) -> bytes:
-    """A regular file's bytes; opening does not wait should it have become a pipe meanwhile."""
+    """Return a regular file's bytes. The open does not block, even if the file has become a pipe in the meantime."""
     with open(path, "rb", opener=open_at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise ValueError("not a regular file")
@@ -69,7 +74,7 @@ def _regular(path: str) -> bytes:
 
 
 def _embedded(uri: str) -> bytes:
-    """The bytes in a data URI, data:[type][;base64],bytes."""
+    """Return the bytes in a data URI: data:[type][;base64],bytes. Raises ValueError if it has no data."""
     head, comma, body = uri.partition(",")
     if not comma:
         raise ValueError("a data URI without data")
@@ -77,7 +82,7 @@ def _embedded(uri: str) -> bytes:
 
 
 def unusable(data: bytes) -> str | None:
-    """Why these bytes cannot be a texture, for a note; None where Pillow opens them."""
+    """Return why these bytes cannot be a texture, for a note, or None if Pillow can open them."""
     from PIL import Image, UnidentifiedImageError
 
     try:
@@ -87,12 +92,12 @@ def unusable(data: bytes) -> str | None:
         return f"too large, more than the {2 * (Image.MAX_IMAGE_PIXELS or 0):,} pixels that are read"
     except UnidentifiedImageError:
         return f"expected an image, got {looks_like(data)}"
-    except Exception as error:  # whatever a broken image makes a decoder raise
+    except Exception as error:  # a decoder may raise anything on a broken image
         return f"not a readable image, {type(error).__name__}"
 
 
 def named(name: str) -> str:
-    """A name from a file in quotes, short and without control characters, for a note or an error."""
+    """Return a name from a file for a note or an error: quoted, short and without control characters."""
     if name.startswith("data:"):
         return "embedded data"
     shown = name.strip()

@@ -1,4 +1,4 @@
-"""trimesh's meshes and scenes as scenes: transforms in float64, colours of faces, vertices, materials and textures."""
+"""Converts trimesh's meshes and scenes to Scenes: transforms in float64, and colours from all of trimesh's sources."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from clpeel.scene.scene import Scene, joined
 
 
 def from_trimesh(source: Any) -> Scene:
-    """The triangles of a trimesh mesh, or of every node of a trimesh scene in graph order; InputError if none."""
+    """Return the triangles of a trimesh mesh, or of all nodes of a trimesh scene in graph order.
+
+    Raises InputError if there are no triangles. Lines, points and meshes without faces are skipped, and a note says so.
+    """
     if hasattr(source, "graph"):
         placed = [source.graph[node] for node in source.graph.nodes_geometry]
         pieces = [(source.geometry[name], np.asarray(matrix, dtype=np.float64)) for matrix, name in placed]
@@ -31,14 +34,14 @@ def from_trimesh(source: Any) -> Scene:
 
 
 def _kind(piece: Any) -> str:
-    """What a piece of a trimesh scene without triangles is, for a message."""
+    """Return in words what a piece without triangles is, for a message."""
     if hasattr(piece, "entities"):
         return "line set(s)"
     return "mesh(es) without faces" if hasattr(piece, "faces") else "point cloud(s)"
 
 
 def _from_mesh(mesh: Any, matrix: NDArray[np.float64]) -> Scene:
-    """The scene of one trimesh.Trimesh moved by matrix [4, 4]."""
+    """Return the Scene of one trimesh.Trimesh, transformed by matrix [4, 4]."""
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     normals = np.asarray(mesh.vertex_normals) if "vertex_normals" in mesh._cache else None
     if normals is not None and normals.shape != vertices.shape:
@@ -57,13 +60,16 @@ def _from_mesh(mesh: Any, matrix: NDArray[np.float64]) -> Scene:
 
 
 def _linear(points: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """matrix [3, 3] times each of points [n, 3], in an order of sums that no BLAS chooses: the same bits everywhere."""
+    """Return matrix [3, 3] times each of points [n, 3].
+
+    The sums have a fixed order, which a BLAS would not promise: so the bits are the same on every machine.
+    """
     x, y, z = points[:, :1], points[:, 1:2], points[:, 2:]
     return x * matrix[:, 0] + y * matrix[:, 1] + z * matrix[:, 2]
 
 
 def _mesh_colors(mesh: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """The colour argument of Scene.from_arrays for a trimesh.Trimesh ({} if the mesh has no colour), and notes."""
+    """Return the colour argument of Scene.from_arrays for a trimesh.Trimesh, {} if the mesh has no colour, and notes."""
     visual, notes = mesh.visual, list[str]()
     if visual.kind in ("face", "vertex"):
         name = f"{visual.kind}_colors"
@@ -73,7 +79,7 @@ def _mesh_colors(mesh: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
         return {}, (f"{name} left out: {len(values)} do not fit the mesh",)
     if visual.kind != "texture":
         return {}, ()
-    if hasattr(visual.material, "materials"):  # one material a face
+    if hasattr(visual.material, "materials"):  # each face has a material of its own
         table = [_material(material, None, notes) for material in visual.material.materials]
         default = np.array(DEFAULT_COLOR, np.uint8)
         rgba = alike([default if c is None else _finished(m, c) for m, c in zip(visual.material, table, strict=True)])
@@ -91,12 +97,13 @@ def _mesh_colors(mesh: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
     return {"color" if colors.ndim == 1 else "vertex_colors": _finished(visual.material, colors)}, tuple(notes)
 
 
-_INVENTED_DIFFUSE = (102, 102, 102, 255)  # what trimesh gives a material without Kd
-_INVENTED_IMAGE = bytes((100, 100, 100, 255)) * 4  # and a mesh with texture coordinates but without a material
+_INVENTED_DIFFUSE = (102, 102, 102, 255)  # trimesh gives this colour to a material without Kd
+# trimesh gives this image to a mesh that has texture coordinates but no material.
+_INVENTED_IMAGE = bytes((100, 100, 100, 255)) * 4
 
 
 def _material(material: Any, uv: NDArray[np.float64] | None, notes: list[str]) -> Colors | None:
-    """A material's RGBA [4], or [n, 4] with a texture sampled at uv [n, 2]; None where trimesh made the material up."""
+    """Return a material's RGBA: [4], or [n, 4] if it has a texture, sampled at uv [n, 2]. None if trimesh invented it."""
     if hasattr(material, "baseColorFactor"):  # glTF
         factor, image = material.baseColorFactor, material.baseColorTexture
     else:  # OBJ and others
@@ -120,7 +127,10 @@ def _material(material: Any, uv: NDArray[np.float64] | None, notes: list[str]) -
 
 
 def _texels(image: Any, uv: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The nearest texels [n, 4] of a PIL image, repeated, at uv [n, 2] with v up; 0 and 1 are its outermost texels."""
+    """Return the nearest texels [n, 4] of a PIL image at uv [n, 2], where v points up.
+
+    The image repeats. Coordinates 0 and 1 are the centres of its outermost texels.
+    """
     pixels: NDArray[np.uint8] = np.asarray(image.convert("RGBA"))
     size = np.array([image.width, image.height])
     spot = np.nan_to_num(uv * [1, -1] + [0, 1], posinf=0.0, neginf=0.0) * (size - 1)
@@ -129,7 +139,7 @@ def _texels(image: Any, uv: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def _finished(material: Any, colors: Colors) -> Colors:
-    """The colours [4] or [n, 4], their alpha as the material's alphaMode (glTF) or d or Tr (OBJ) wants it."""
+    """Return the colours [4] or [n, 4] with the alpha that the material asks for: alphaMode in glTF, d or Tr in OBJ."""
     top = 255 if colors.dtype == np.uint8 else 1
     colors = colors.copy()
     if hasattr(material, "baseColorFactor"):
@@ -150,7 +160,7 @@ def _finished(material: Any, colors: Colors) -> Colors:
 
 
 def _unit_colors(colors: AnyArray) -> NDArray[np.float32]:
-    """Colours [n, 3|4] of any dtype, normalised integers included, as float32 [n, 4] in 0..1."""
+    """Return colours [n, 3|4] of any dtype as float32 [n, 4] in 0..1. Integers are normalised by their type's maximum."""
     top = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1
     rgba = np.ones((len(colors), 4), dtype=np.float32)
     rgba[:, : colors.shape[1]] = np.clip(np.nan_to_num(colors / top), 0, 1)
@@ -158,7 +168,7 @@ def _unit_colors(colors: AnyArray) -> NDArray[np.float32]:
 
 
 def one_line(error: BaseException) -> str:
-    """An error's type and message on one short line, control characters escaped."""
+    """Return an error's type and message on one short line, with control characters escaped."""
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(str(error).split()))
     shown = text if len(text) <= 120 else f"{text[:119]}…"
     return f"{type(error).__name__}: {shown}" if shown else type(error).__name__

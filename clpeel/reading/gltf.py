@@ -1,4 +1,4 @@
-"""glTF made plain: what trimesh would misread is rewritten as it reads rightly, and what the picture lacks is noted."""
+"""Rewrites glTF so that trimesh reads it correctly, and notes what the picture will lack."""
 
 from __future__ import annotations
 
@@ -16,24 +16,26 @@ from clpeel.reading.strips import fan, strip
 from clpeel.scene.arrays import AnyArray
 
 Json = dict[str, Any]
-"""An object of JSON: what a file says in it is checked where it is read."""
+"""A JSON object. Its contents are checked where they are read."""
 
 _DRACO = "KHR_draco_mesh_compression"
 _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _GLOSS = "KHR_materials_pbrSpecularGlossiness"
 
 _READ = ("KHR_mesh_quantization", _GLOSS, "EXT_texture_webp", "KHR_xmp", "KHR_xmp_json_ld", _DRACO, *_MESHOPT)
-"""Extensions whose data are read, or refused where they are met; or which hold nothing that a picture shows."""
+"""Extensions that never need a note. Their data is read, or is refused where it is found, or does not show in a
+picture."""
 
 _APPEARANCE = ("KHR_materials_", "EXT_materials_", "KHR_lights_", "EXT_lights_")
-"""How the names begin of extensions that change no shape."""
+"""Prefixes of the names of extensions that change the appearance only, never the shape."""
 
 _APPEARANCES = (
     "KHR_texture_transform KHR_texture_basisu EXT_texture_avif MSFT_texture_dds KHR_animation_pointer".split()
 )
 
 _MOST_ZEROS = 2**26
-"""So many numbers an accessor without data may have, for a small file must not ask for all the memory there is."""
+"""The most numbers that an accessor without data may have. Otherwise a small file could ask for all the memory there
+is."""
 
 _LINES, _LOOP, _LINE_STRIP, _TRIANGLES, _STRIP, _FAN = range(1, 7)
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -47,10 +49,10 @@ _KINDS = {
 
 
 def plain_gltf(data: bytes, extension: str, companions: Companions) -> tuple[bytes, list[str]]:
-    """The JSON of a .glb or .gltf file in a form that trimesh reads rightly, and notes of what it lacks.
+    """Return the JSON of a .glb or .gltf file in a form that trimesh reads correctly, and notes of what it lacks.
 
-    Its buffers and images are then among companions.given. Raises InputError; or KeyError, IndexError, TypeError,
-    AttributeError or ValueError where the file does not keep to the format.
+    Its buffers and images are put into companions.given. Raises InputError. Where the file breaks the format, it may
+    also raise KeyError, IndexError, TypeError, AttributeError or ValueError.
     """
     text, binary = _chunks(data) if extension == "glb" else (data, None)
     try:
@@ -66,7 +68,7 @@ def plain_gltf(data: bytes, extension: str, companions: Companions) -> tuple[byt
     document.check_extensions()
     document.read_buffers()
     for node in tree.get("nodes", []):
-        node.pop("camera", None)  # trimesh leaves out the mesh, and the place, of a node with a camera
+        node.pop("camera", None)  # trimesh drops the mesh and the transform of a node with a camera
     for mesh in tree.get("meshes", []):
         for primitive in mesh["primitives"]:
             document.straighten(primitive)
@@ -74,7 +76,7 @@ def plain_gltf(data: bytes, extension: str, companions: Companions) -> tuple[byt
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
-    """The JSON of a .glb file and its binary chunk; InputError where it is cut or of another version."""
+    """Return the JSON of a .glb file and its binary chunk. Raises InputError if the file is cut or of another version."""
     if len(data) < 20:
         raise InputError(f"the file is cut: expected 20 bytes or more, got {len(data)}")
     version, length = (int.from_bytes(data[at : at + 4], "little") for at in (4, 8))
@@ -96,7 +98,7 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
 
 
 class _Document:
-    """A glTF file's JSON while it is made plain."""
+    """A glTF file's JSON while it is being rewritten."""
 
     def __init__(self, tree: Json, binary: bytes | None, companions: Companions) -> None:
         self.tree, self.binary, self.companions = tree, binary, companions
@@ -107,7 +109,10 @@ class _Document:
     # --- extensions and buffers ---------------------------------------------------------------------------------------
 
     def check_extensions(self) -> None:
-        """InputError if the file requires an extension that is not read; a note of those that are left out."""
+        """Raise InputError if the file requires an extension that is not read.
+
+        Add a note of the extensions that are ignored.
+        """
         required = [str(name) for name in self.tree.get("extensionsRequired", [])]
         used = [str(name) for name in self.tree.get("extensionsUsed", [])]
         for name in required:
@@ -122,7 +127,10 @@ class _Document:
             self.notes.append(f"glTF extensions left out: {shown}{more}")
 
     def read_buffers(self) -> None:
-        """Every buffer's bytes; each is then given to trimesh by a name of its own."""
+        """Read the bytes of every buffer, and store them for trimesh under a new name.
+
+        Raises InputError if any are missing.
+        """
         views = self.tree.get("bufferViews", [])
         self.tree.setdefault("accessors", [])
         self.tree["bufferViews"] = views
@@ -153,7 +161,7 @@ class _Document:
                 raise InputError(f"the file is cut: part {index} ends at byte {end:,} of a buffer of {held:,}")
 
     def _give(self, kind: str, data: bytes) -> str:
-        """A name that trimesh can ask the companions for these bytes by."""
+        """Store these bytes in the companions. Returns the name by which trimesh can ask for them."""
         name = f"clpeel:{kind}:{len(self.companions.given)}"
         self.companions.given[name] = data
         return name
@@ -161,7 +169,7 @@ class _Document:
     # --- primitives ---------------------------------------------------------------------------------------------------
 
     def straighten(self, primitive: Json) -> None:
-        """Triangle strips, fans, packed and sparse numbers of a primitive become triangles and plain numbers."""
+        """Turn a primitive's strips and fans into triangles, and its packed and sparse numbers into plain ones."""
         attributes = primitive["attributes"]
         if _DRACO in primitive.get("extensions", {}):
             if _decodes_draco():
@@ -172,7 +180,7 @@ class _Document:
             del primitive["extensions"][_DRACO]
         mode = primitive.get("mode", _TRIANGLES)
         if mode in (_LOOP, _LINE_STRIP):
-            primitive["mode"] = _LINES  # which trimesh leaves out aloud
+            primitive["mode"] = _LINES  # trimesh skips lines, and says so
         if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
             return
         for name in ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0"):
@@ -192,7 +200,10 @@ class _Document:
         primitive["mode"] = _TRIANGLES
 
     def _plain(self, name: str, index: int) -> int:
-        """The accessor with this attribute's numbers as trimesh takes them rightly: float32, and none sparse."""
+        """Return an accessor of this attribute's numbers that trimesh reads correctly: float32 and not sparse.
+
+        Colours keep their type, as trimesh reads that correctly.
+        """
         accessor = self.tree["accessors"][index]
         packed = accessor["componentType"] != 5126 and name != "COLOR_0"
         if not packed and "sparse" not in accessor:
@@ -206,7 +217,7 @@ class _Document:
         return self.made[name, index]
 
     def _values(self, index: int) -> AnyArray:
-        """An accessor's numbers [count, width] as they are stored, its sparse ones in their places."""
+        """Return an accessor's numbers [count, width] in the stored type, with the sparse ones in their places."""
         accessor = self.tree["accessors"][index]
         count, width, kind = accessor["count"], _WIDTHS[accessor["type"]], _TYPES[accessor["componentType"]]
         if "bufferView" in accessor:
@@ -221,7 +232,10 @@ class _Document:
         return values
 
     def _stored(self, place: Json, kind: str, count: int, width: int) -> AnyArray:
-        """Numbers [count, width] at a byteOffset of a bufferView; ValueError or TypeError if it holds fewer."""
+        """Return numbers [count, width] at a byteOffset of a bufferView.
+
+        Raises ValueError or TypeError if it holds fewer.
+        """
         view, row = self.tree["bufferViews"][place["bufferView"]], np.dtype(kind)
         start = view.get("byteOffset", 0)
         data = memoryview(self.buffers[view["buffer"]])[start : start + view["byteLength"]]
@@ -229,7 +243,7 @@ class _Document:
         return np.ndarray((count, width), row, data, place.get("byteOffset", 0), strides)
 
     def _add(self, values: AnyArray) -> int:
-        """A new accessor of numbers [count, width], in a buffer of its own."""
+        """Add an accessor for numbers [count, width], in a new buffer. Returns its index."""
         data = np.ascontiguousarray(values).tobytes()
         kind = next(number for number, name in _TYPES.items() if np.dtype(name) == values.dtype)
         shape = next(name for name, width in _WIDTHS.items() if width == values.shape[1])
@@ -245,13 +259,13 @@ class _Document:
     # --- what the picture lacks ---------------------------------------------------------------------------------------
 
     def finished(self) -> bytes:
-        """The JSON for trimesh, with the images of base colours only; and the notes of what is left out."""
+        """Return the JSON for trimesh, which keeps only the images of base colours. Notes say what is not drawn."""
         self._note_shapes()
         self._note_materials()
         return json.dumps(self.tree).encode()
 
     def _note_shapes(self) -> None:
-        """Notes of skins and morph targets."""
+        """Add notes of skins and morph targets, which are not drawn."""
         nodes, meshes = self.tree.get("nodes", []), self.tree.get("meshes", [])
         skinned = sum("skin" in node and "mesh" in node for node in nodes)
         if skinned:
@@ -265,14 +279,17 @@ class _Document:
             self.notes.append(f"morph targets left out: {len(posed)} mesh(es) are drawn without their weights")
 
     def _used_materials(self) -> Iterator[tuple[str, Json]]:
-        """Each material that a primitive has, with its name for a note."""
+        """Yield each material that a primitive uses, after its name for a note."""
         primitives = [p for mesh in self.tree.get("meshes", []) for p in mesh["primitives"]]
         for index in sorted({p["material"] for p in primitives if "material" in p}):
             material = self.tree["materials"][index]
             yield named(str(material.get("name", index))), material
 
     def _note_materials(self) -> None:
-        """Notes of textures that are not drawn; images are kept only where they are base colours and can be opened."""
+        """Add notes of textures that are not drawn.
+
+        Keep only images of base colours, and only those that Pillow can open.
+        """
         kinds, sets, wanted = Counter[str](), list[str](), dict[int, int | None]()
         for name, material in self._used_materials():
             colors = material.get("pbrMetallicRoughness", {})
@@ -298,7 +315,7 @@ class _Document:
             self.notes.append(f"second texture coordinates left out: {listed} drawn with the first set")
 
     def _images(self, textures: list[int]) -> list[Json]:
-        """The images of these textures, each checked, for a new list; every other texture loses its source."""
+        """Return a new list of the images of these textures, each checked. All other textures lose their sources."""
         stored, images, places = self.tree.get("images", []), list[Json](), dict[int, int | None]()
         for index, texture in enumerate(self.tree.get("textures", [])):
             webp = texture.pop("extensions", {}).get("EXT_texture_webp", {})
@@ -324,7 +341,7 @@ class _Document:
         return images
 
     def _image(self, image: Json, index: int) -> tuple[bytes | None, str]:
-        """An image's bytes, None after a note where they cannot be had, and its name for notes."""
+        """Return an image's bytes and its name for notes. The bytes are None, after a note, if they cannot be read."""
         uri = image.get("uri", "")
         name = named(str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {index}")))
         if "bufferView" in image:
@@ -339,14 +356,14 @@ class _Document:
 
 
 def _how_to(name: str) -> str:
-    """What to do about a compression that is not read."""
+    """Return what the user can do about a compression that is not read."""
     words = "Draco" if name == _DRACO else "meshopt"
     also = " (or install DracoPy)" if name == _DRACO else ""
     return f"the file's meshes are compressed, which is not read; export it without {words} compression{also}"
 
 
 def _decodes_draco() -> bool:
-    """Whether trimesh has what it decodes Draco with."""
+    """Return whether trimesh has the packages that it needs to decode Draco."""
     if importlib.util.find_spec("DracoPy") is None:
         return False
     try:

@@ -1,4 +1,4 @@
-"""Loading: any mesh file or object that trimesh reads to a scene."""
+"""Loading: turns any mesh file or object that trimesh reads into a Scene."""
 
 from __future__ import annotations
 
@@ -26,24 +26,26 @@ from clpeel.scene.duplicates import duplicates
 from clpeel.scene.scene import Scene, joined, recolored
 
 KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf")
-"""File types that `load` reads, also with .gz behind; more where trimesh has the packages for them."""
+"""File types that `load` always reads, with or without .gz. It reads more where trimesh has the packages for them."""
 
 
 def load(
     *sources: Any, opacity: float | None = None, color: ArrayLike | None = None, drop_duplicates: bool = False
 ) -> Scene:
-    """One scene from mesh files, trimesh meshes or scenes, and Scenes; several are put together in order.
+    """Return one Scene from mesh files, trimesh meshes or scenes, and Scenes. Several are joined in the order given.
 
-    Files: PLY, STL, OBJ, OFF, GLB, glTF, 3MF, each also with .gz behind. Scene-graph transforms are applied in float64.
-    Colours are those of the faces, vertices, materials (glTF base colour with its alphaMode, OBJ Kd and d) or textures,
-    sampled at the vertices; DEFAULT_COLOR where there are none. They are taken as given: no linear to sRGB conversion.
-    color [3|4], or text such as "steelblue", replaces every rgb, and with an alpha every alpha; opacity 0..1 replaces
-    every alpha. drop_duplicates: of faces whose three corners lie at the same places, in any order, only the first is
-    kept, with its colours; the vertices stay. The scene's notes say what a file holds and the scene lacks, and how many
-    faces are duplicates.
+    Files may be PLY, STL, OBJ, OFF, GLB, glTF or 3MF, each with or without .gz. Scene-graph transforms are applied in
+    float64. Colours come from the faces, the vertices, the materials (glTF base colour with its alphaMode, OBJ Kd and
+    d) or the textures, which are sampled at the vertices. A mesh without any colour gets DEFAULT_COLOR. Colours are
+    used as they are stored, without a conversion from linear to sRGB.
 
-    Raises InputError, one line that begins with the file's name: missing, unreadable, damaged, of an unknown type,
-    without triangles, or of a glTF extension that is required and not read.
+    color [3|4], or text such as "steelblue", replaces every rgb; with an alpha, it replaces every alpha too. opacity
+    0..1 replaces every alpha. drop_duplicates: faces whose three corners lie at the same places, in any order, are
+    duplicates; only the first of them is kept, with its colours, and the vertices stay. The scene's notes say what a
+    file holds that the scene lacks, and how many faces are duplicates.
+
+    Raises InputError, one line that begins with the file's name, if a file is missing, unreadable, damaged, of an
+    unknown type, without triangles, or requires a glTF extension that is not read.
     """
     if not sources:
         raise InputError("load: expected at least one mesh file, trimesh object or Scene, got none")
@@ -53,11 +55,11 @@ def load(
     return scene if color is None and opacity is None else recolored(scene, given_color, given_opacity)
 
 
-_DUPLICATES = "duplicate faces"  # how the note of them begins
+_DUPLICATES = "duplicate faces"  # the note about duplicate faces begins like this
 
 
 def _without_duplicates(scene: Scene, drop: bool) -> Scene:
-    """The scene with a note of its duplicate faces, or without them and a note of how many were dropped."""
+    """Return the scene with a note of its duplicate faces. With drop, remove them, and note how many there were."""
     found, total = duplicates(scene.vertices, scene.faces), len(scene.faces)
     notes = tuple(note for note in scene.notes if not note.startswith(_DUPLICATES) or " dropped" in note)
     if not len(found):
@@ -75,7 +77,7 @@ def _without_duplicates(scene: Scene, drop: bool) -> Scene:
 
 
 def _opened(source: Any) -> Scene:
-    """The scene of one source of `load`."""
+    """Return the scene of one source of `load`."""
     if isinstance(source, Scene):
         return source
     if isinstance(source, (str, os.PathLike)):
@@ -88,7 +90,7 @@ def _opened(source: Any) -> Scene:
 
 
 def _from_file(path: str) -> Scene:
-    """The scene in a mesh file."""
+    """Return the scene in a mesh file."""
     stem = path[:-3] if path.lower().endswith(".gz") else path
     extension = os.path.splitext(stem)[1].lower().removeprefix(".")
     if os.path.isdir(path):
@@ -108,8 +110,8 @@ def _from_file(path: str) -> Scene:
 
 
 def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecord]) -> Scene:
-    """The scene that trimesh reads from a file's data, with notes of what it lacks; records: trimesh's log."""
-    # Imported here, as most files need none of them (plain.py).
+    """Return the scene that trimesh reads from a file's data, with notes of what it lacks. records: trimesh's log."""
+    # These are imported here because most files need none of them: plain.py reads those.
     import trimesh
 
     from clpeel.reading import losses
@@ -133,7 +135,7 @@ def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecor
 
 
 def _require_reader(path: str, extension: str) -> None:
-    """InputError unless trimesh reads files with this extension."""
+    """Raise InputError unless trimesh can read files with this extension."""
     import trimesh
 
     if extension in trimesh.exchange.load.mesh_formats():
@@ -145,7 +147,7 @@ def _require_reader(path: str, extension: str) -> None:
 
 
 def _contents(path: str) -> bytes:
-    """The file's bytes, decompressed if its name ends in .gz."""
+    """Return the file's bytes, decompressed if its name ends in .gz."""
     try:
         with open(path, "rb") as file:
             data = file.read()
@@ -160,7 +162,7 @@ def _contents(path: str) -> bytes:
 
 @contextmanager
 def _errors_named(name: str) -> Iterator[None]:
-    """Whatever goes wrong inside becomes one InputError line that begins with name."""
+    """Turn any error inside into an InputError of one line that begins with name."""
     try:
         with np.errstate(all="ignore"):
             yield
@@ -174,5 +176,5 @@ def _errors_named(name: str) -> Iterator[None]:
 
 
 def _known() -> str:
-    """The known extensions, for an error message."""
+    """Return the known extensions as text, for an error message."""
     return ", ".join(f".{extension}" for extension in KNOWN_EXTENSIONS) + " (also .gz of each)"

@@ -1,6 +1,6 @@
-"""PLY and STL files read at once: vertices and triangles, as most are; any other is left to trimesh.
+"""Reads common PLY and STL files without trimesh: vertices and triangles only. Any other file is left to trimesh.
 
-Text is read about ten times as fast as by trimesh, whose import alone can take most of a command.
+This reads text about ten times as fast as trimesh does. Importing trimesh alone can take most of a command's time.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ _PLY_TYPES = dict(
 
 
 def _plain_ply(data: bytes) -> Scene | None:
-    """The scene of a PLY file of vertices and faces, as most are; None for any other, which is left to trimesh."""
+    """Return the scene of a PLY file of vertices and faces, or None if the file needs trimesh.
+
+    Raises InputError if the file is cut.
+    """
     if b"end_header" not in data:
         raise InputError("the file is cut: expected a header that ends with 'end_header', got none")
     try:
@@ -44,7 +47,10 @@ def _plain_ply(data: bytes) -> Scene | None:
 
 
 def _even_ply(data: bytes, kind: str, elements: list[Element], body: int) -> Scene | None:
-    """The scene of vertices and triangles alone; None, ValueError, KeyError or IndexError if there is anything else."""
+    """Return the scene of a PLY file of vertices and triangles alone.
+
+    Returns None, or raises ValueError, KeyError or IndexError, if there is anything else in it.
+    """
     (vertex, vertex_count, vertex_type), (face, face_count, face_type) = elements
     if (vertex, face) != ("vertex", "face") or 0 in (vertex_count, face_count):
         return None
@@ -68,9 +74,10 @@ def _even_ply(data: bytes, kind: str, elements: list[Element], body: int) -> Sce
 
 
 def _ply_header(data: bytes) -> tuple[str, list[Element], int]:
-    """The format, the elements (name, count, type of a row, lists taken to be of three) and where the rows begin.
+    """Return the format, the elements and the offset of the first row.
 
-    Raises ValueError, KeyError or IndexError where the header is not a plain one.
+    An element is its name, its count and the type of a row. At this point every list is assumed to have three items.
+    Raises ValueError, KeyError or IndexError if the header is not a plain one.
     """
     end = data.index(b"end_header")
     body = data.index(b"\n", end) + 1
@@ -97,7 +104,7 @@ def _ply_header(data: bytes) -> tuple[str, list[Element], int]:
 
 
 def _ply_table(text: bytes, row: np.dtype, count: int) -> AnyArray:
-    """count rows of numbers in text as a structured array; ValueError if they do not fit."""
+    """Return `count` rows of numbers in text as a structured array. Raises ValueError if they do not fit."""
     widths = {name: math.prod(row[name].shape) for name in row.names or ()}
     columns, whole = sum(widths.values()), all(row[name].base.kind in "iu" for name in widths)
     numbers = np.fromstring(text, dtype=np.int64 if whole else np.float64, sep=" ")
@@ -110,11 +117,14 @@ def _ply_table(text: bytes, row: np.dtype, count: int) -> AnyArray:
 
 
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_STL_HEAD = 84  # bytes before the first triangle; the last four of them count the triangles
+_STL_HEAD = 84  # bytes before the first triangle; the last four of them hold the number of triangles
 
 
 def _plain_stl(data: bytes) -> Scene | None:
-    """The scene of a binary STL file, also of one whose count is wrong; None for text, which is left to trimesh."""
+    """Return the scene of a binary STL file, even if its count is wrong. None if it is text, which trimesh reads.
+
+    Raises InputError if the file is cut, empty or of another type.
+    """
     promised, held = int.from_bytes(data[80:_STL_HEAD], "little"), (len(data) - _STL_HEAD) // _STL_ROW.itemsize
     if len(data) < _STL_HEAD or len(data) != _STL_HEAD + promised * _STL_ROW.itemsize:
         text = re.match(rb"\s*solid", data, re.IGNORECASE) and b"\0" not in data[:512]
@@ -135,7 +145,8 @@ def _plain_stl(data: bytes) -> Scene | None:
         notes.append(f"{left:,} byte(s) after the {len(rows):,} triangle(s) left out")
     if not len(rows):
         raise InputError("expected triangles, got none; the mesh is empty")
-    magics = b"COLOR=" in data[:80]  # Magics marks faces without a colour of their own by bit 15, others those with one
+    # The program Magics sets bit 15 of a face without a colour of its own. Other programs set it on a face with one.
+    magics = b"COLOR=" in data[:80]
     colored = np.count_nonzero((rows["attribute"] >> 15 == 0) if magics else (rows["attribute"] >> 15 == 1))
     if colored:
         notes.append(f"colours of {colored:,} face(s) left out: they are in the attribute bytes of the STL file")
@@ -144,10 +155,11 @@ def _plain_stl(data: bytes) -> Scene | None:
 
 
 def _like_triangles(rows: AnyArray) -> bool:
-    """Whether rows beyond the count of an STL file look like triangles: of usual sizes, and none all zero."""
+    """Return whether the rows beyond an STL file's count look like triangles: usual sizes, and none all zero."""
     corners = rows["corners"].reshape(-1, 9)
     sizes = np.abs(corners)
-    usual = (corners == 0) | ((sizes > 1e-20) & (sizes < 1e20))  # text or whatever else gives numbers beyond
+    # Text, or anything else, would give numbers outside these sizes.
+    usual = (corners == 0) | ((sizes > 1e-20) & (sizes < 1e20))
     return bool(usual.all() and corners.any(axis=1).all())
 
 

@@ -1,4 +1,4 @@
-"""The reader's log: what trimesh logs and warns of while this thread reads with it, and nobody else's is touched."""
+"""The reader's log: collects what trimesh logs and warns of in this thread. Other threads are not affected."""
 
 from __future__ import annotations
 
@@ -11,18 +11,21 @@ from typing import Any
 
 _lock = threading.Lock()
 _here = threading.local()
-_readers = 0  # threads between enter and leave of `collected`
+_readers = 0  # threads that are now between enter and leave of `collected`
 
 
 class _OwnThread(logging.Filter):
-    """Keeps a record that this thread asked for; lets others' pass as if their logger's level had not been lowered."""
+    """Collects the records of a thread that reads, and passes on those of other threads.
+
+    The logger's level has been lowered. For other threads, the filter behaves as if it had not.
+    """
 
     def __init__(self, level: int) -> None:
         super().__init__()
         self.level = level
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether the record goes on to the handlers."""
+        """Return whether the record goes on to the handlers."""
         kept: list[logging.LogRecord] | None = getattr(_here, "records", None)
         if kept is None:
             return record.levelno >= self.level
@@ -31,26 +34,27 @@ class _OwnThread(logging.Filter):
 
 
 class _Silence:
-    """Stands where a filter of warnings has its pattern, and matches any message while this thread reads.
+    """Takes the place of the message pattern in a warnings filter. It matches any message while this thread reads.
 
-    warnings.catch_warnings would exchange the filters of all threads, and put back those of a moment before.
+    warnings.catch_warnings is no substitute: it replaces the filters of all threads, and later restores old ones.
     """
 
     def match(self, _: str) -> bool:
-        """Whether the warning is this thread's, while it reads."""
+        """Return whether this thread is reading, and so the warning is its own."""
         return getattr(_here, "records", None) is not None
 
 
 _SILENCE: Any = ("ignore", _Silence(), Warning, None, 0)
 _lowered: dict[logging.Logger, tuple[int, _OwnThread]] = {}
-"""trimesh's loggers while someone reads, with the level each had and the filter it got."""
+"""trimesh's loggers while any thread reads, with the level that each had and the filter that each was given."""
 
 
 @contextmanager
 def collected() -> Iterator[list[logging.LogRecord]]:
-    """The records that trimesh logs in this thread meanwhile, of every level; they, and warnings, go nowhere else.
+    """Yield the list of the records that trimesh logs in this thread meanwhile, of every level.
 
-    trimesh must be imported before it: loggers that are made meanwhile are not heard.
+    These records go nowhere else, nor do this thread's warnings. Import trimesh first: a logger that is created later
+    is not collected.
     """
     outer = getattr(_here, "records", None)
     records = list[logging.LogRecord]()
@@ -64,7 +68,7 @@ def collected() -> Iterator[list[logging.LogRecord]]:
 
 
 def _enter() -> None:
-    """Lower the levels of trimesh's loggers, filter what comes of it, and silence this thread's warnings."""
+    """Lower the levels of trimesh's loggers, filter the extra records, and silence this thread's warnings."""
     global _readers
     with _lock:
         _readers += 1
@@ -81,7 +85,7 @@ def _enter() -> None:
 
 
 def _wanted(logger: logging.Logger | None) -> int:
-    """The level that a logger went by before any was lowered."""
+    """Return the level that applied to a logger before any level was lowered."""
     while logger:
         level = _lowered[logger][0] if logger in _lowered else logger.level
         if level:
@@ -91,7 +95,7 @@ def _wanted(logger: logging.Logger | None) -> int:
 
 
 def _leave() -> None:
-    """For the last reader: put everything back; a level that was set meanwhile stays."""
+    """If this is the last reader, restore everything. A level that someone has set meanwhile stays."""
     global _readers
     with _lock:
         _readers -= 1

@@ -1,4 +1,4 @@
-"""OBJ faces whose corners are counted back from where they stand, as indices from the start of the file."""
+"""Rewrites OBJ faces whose negative indices count backwards, with indices from the start of the file."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ _BACKWARDS = re.compile(rb"^[ \t]*f[ \t][^\n]*[ \t/]-\d", re.MULTILINE)
 
 
 def with_absolute_indices(data: bytes) -> bytes:
-    """The OBJ file's data with no negative index in its faces: trimesh counts those back from the end of the file."""
+    """Return the OBJ file's data with no negative index in its faces.
+
+    A negative index counts back from its own line, but trimesh counts it back from the end of the file.
+    """
     start = _first_face(data)
-    if data.find(b"-", start) < 0 or not _BACKWARDS.search(data, start):  # most files have none, which is seen at once
+    # Most files have no negative index, and this test is fast.
+    if data.find(b"-", start) < 0 or not _BACKWARDS.search(data, start):
         return data
     counts = {b"v": 0, b"vt": 0, b"vn": 0}
     lines = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines()
@@ -28,7 +32,7 @@ def with_absolute_indices(data: bytes) -> bytes:
 
 
 def _first_face(data: bytes) -> int:
-    """Where the first face may begin; the start of the file where lines are indented."""
+    """Return the offset where the first face may begin. This is 0 if any line is indented."""
     if data[:1] in (b"f", b" ", b"\t") or b"\n " in data or b"\n\t" in data:
         return 0
     at = data.find(b"\nf")
@@ -36,5 +40,5 @@ def _first_face(data: bytes) -> int:
 
 
 def _absolute(index: bytes, count: int) -> bytes:
-    """An index as it is, or what it means if it is counted back from the count of those so far."""
+    """Return an index as it is. If it is negative, it counts back from `count`, the number of elements so far."""
     return b"%d" % (count + 1 + int(index)) if index.startswith(b"-") else index

@@ -1,4 +1,4 @@
-"""Signatures: how a file of each type begins, and what a file that begins otherwise looks like."""
+"""Signatures: how a file of each type begins, and what a file that begins otherwise may be."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _BEGINNINGS = {
     "3mf": (rb"PK", "'PK', as a zip archive does"),
     "off": (rb"(\xef\xbb\xbf)?(\s|#[^\n]*\n)*[A-Z0-9]{0,4}OFF\b", "'OFF'"),
 }
-"""How files begin, by extension: a pattern, and that in words."""
+"""For each extension, a pattern of how such files begin, and the same in words."""
 
 _LOOKS = (
     (rb"\x89PNG", "a PNG image"),
@@ -36,11 +36,11 @@ _LOOKS = (
     (rb"(\xef\xbb\xbf)?\s*[{\[]", "JSON"),
 )
 _FOREIGN = 14
-"""So many of _LOOKS, the first ones, are those of files that hold no mesh that `load` reads under another's name."""
+"""The number of entries at the start of _LOOKS that are foreign: a file that begins so is no mesh of any other type."""
 
 
 def check_beginning(extension: str, data: bytes) -> None:
-    """InputError where the bytes do not begin as a file with this extension does."""
+    """Raise InputError unless the bytes begin as a file with this extension does."""
     if extension in _BEGINNINGS:
         pattern, words = _BEGINNINGS[extension]
         if not re.match(pattern, data[:4096] if extension == "off" else data[:64]):
@@ -52,12 +52,12 @@ def check_beginning(extension: str, data: bytes) -> None:
 
 
 def foreign(data: bytes) -> bool:
-    """Whether the bytes begin as another type's do, which are no mere text."""
+    """Return whether the bytes begin as a file of another type does. What plain text may begin with does not count."""
     return any(re.match(pattern, data[:64], re.DOTALL) for pattern, _ in _LOOKS[:_FOREIGN])
 
 
 def looks_like(data: bytes) -> str:
-    """What a file's bytes look like, for a message."""
+    """Return in words what a file's bytes look like, for a message."""
     if not data:
         return "an empty file"
     for pattern, words in _LOOKS:

@@ -1,4 +1,4 @@
-"""PLY files that trimesh misreads: lists among vertices, faces of one or two corners, triangle strips, cut files."""
+"""Reads PLY files that trimesh misreads: lists in vertices, faces of one or two corners, triangle strips, cut files."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from clpeel.scene.arrays import AnyArray
 from clpeel.scene.scene import Scene
 
 COUNT_OF = "count of "
-"""Begins the name of a list's count in a row's type: no PLY name holds a space."""
+"""Prefix of the field name of a list's count in a row's type. It cannot clash, as no PLY name has a space."""
 
 INDICES = ("vertex_indices", "vertex_index")
-"""What the list of a face's corners is called."""
+"""Names that files use for the list of a face's corners."""
 
 Element = tuple[str, int, np.dtype]
-"""An element's name, its number of rows, and the type of a row, where a list is its count and three items."""
+"""An element's name, its number of rows, and the type of a row. In the type, a list is its count and three items."""
 
 _Columns = dict[str, Any]
-"""An element's scalars as arrays, and its lists as lists of arrays, by name."""
+"""By name, an element's scalars as arrays, and its lists as lists of arrays."""
 
 
 def uneven_ply(data: bytes, kind: str, elements: list[Element], body: int) -> Scene | None:
-    """The scene of a PLY file whose rows differ in length; None where trimesh reads it rightly.
+    """Return the scene of a PLY file whose rows differ in length, or None if trimesh reads the file correctly.
 
-    Raises InputError where rows are missing, or are no numbers.
+    Raises InputError if rows are missing, or are not numbers.
     """
     by_name = {name: (count, row) for name, count, row in elements}
     rows = _Text(data, body) if kind == "ascii" else _Binary(data, body)
@@ -58,13 +58,13 @@ def uneven_ply(data: bytes, kind: str, elements: list[Element], body: int) -> Sc
 
 
 def _fan(part: AnyArray) -> NDArray[np.int64]:
-    """The triangles [n - 2, 3] of a polygon of n corners."""
+    """Return the triangles [n - 2, 3] of a polygon of n corners."""
     part = part.astype(np.int64)
     return np.stack([np.broadcast_to(part[:1], part[2:].shape), part[1:-1], part[2:]], axis=1)
 
 
 def _colors(columns: dict[str, _Columns], corners: Any, strips: bool, notes: list[str]) -> dict[str, Any]:
-    """The colour argument of Scene.from_arrays: of the vertices, else of the faces, where they are bytes."""
+    """Return the colour argument of Scene.from_arrays: the vertices' colours, else the faces', if they are bytes."""
     found: dict[str, Any] = {}
     for element, argument in (("vertex", "vertex_colors"), ("face", "face_colors")):
         table = columns.get(element, {})
@@ -81,14 +81,17 @@ def _colors(columns: dict[str, _Columns], corners: Any, strips: bool, notes: lis
 
 
 def ply_columns(table: AnyArray, names: str) -> AnyArray | None:
-    """The named scalar columns side by side, [rows, columns]; None if one is missing."""
+    """Return the named scalar columns side by side, [rows, columns], or None if any is missing."""
     if not set(names.split()) <= set(table.dtype.names or ()):
         return None
     return np.stack([table[name] for name in names.split()], axis=1)
 
 
 def ply_colors(table: AnyArray) -> AnyArray | None:
-    """uint8 [rows, 3 or 4] if the table has colours; ValueError if they are no bytes, whose range would be a guess."""
+    """Return the table's colours as uint8 [rows, 3 or 4], or None if it has none.
+
+    Raises ValueError if they are not bytes, because their range would be a guess.
+    """
     colors = ply_columns(table, "red green blue alpha")
     if colors is None:
         colors = ply_columns(table, "red green blue")
@@ -101,12 +104,12 @@ def ply_colors(table: AnyArray) -> AnyArray | None:
 
 
 def _cut(name: str, promised: int, held: int) -> InputError:
-    """The error of a file that ends too early."""
+    """Return the error of a file that ends too early."""
     return InputError(f"the file is cut: its header promises {promised:,} rows of {name!r}, it holds {held:,}")
 
 
 def _is_number(word: bytes) -> bool:
-    """Whether a word of a text file is a number."""
+    """Return whether a word of a text file is a number."""
     try:
         float(word)
     except ValueError:
@@ -115,14 +118,14 @@ def _is_number(word: bytes) -> bool:
 
 
 class _Text:
-    """The rows of a text PLY file, taken in turn."""
+    """The rows of a text PLY file, read in order."""
 
     def __init__(self, data: bytes, body: int) -> None:
         text = data[body:]
         self.at = 0
         try:
             self.numbers = np.fromstring(text, dtype=np.float64, sep=" ")
-            whole = len(text.split(maxsplit=self.numbers.size)) == self.numbers.size  # older NumPy stops in silence
+            whole = len(text.split(maxsplit=self.numbers.size)) == self.numbers.size  # older NumPy gives no error
         except ValueError:
             whole = False
         if not whole:
@@ -130,7 +133,7 @@ class _Text:
             raise InputError(f"not a readable mesh: expected numbers after the header, got {wrong!r}")
 
     def element(self, name: str, count: int, row: np.dtype) -> _Columns:
-        """The next count rows by column; InputError if there are fewer."""
+        """Return the next `count` rows by column. Raises InputError if there are fewer."""
         fields = [field for field in row.names or () if not row[field].shape]
         lists = [field.startswith(COUNT_OF) for field in fields]
         if not any(lists):
@@ -142,7 +145,8 @@ class _Text:
             self.at += count * width
             with np.errstate(all="ignore"):
                 return {field: table[:, i].astype(row[field]) for i, field in enumerate(fields)}
-        if lists.count(True) == 1 and count and self.at + len(fields) <= self.numbers.size:  # lists of one length?
+        # Maybe all lists are equally long.
+        if lists.count(True) == 1 and count and self.at + len(fields) <= self.numbers.size:
             column = lists.index(True)
             width = len(fields) + max(int(self.numbers[self.at + column]), 0)
             table = self.numbers[self.at : self.at + count * width]
@@ -177,13 +181,13 @@ class _Text:
 
 
 class _Binary:
-    """The rows of a binary PLY file, taken in turn."""
+    """The rows of a binary PLY file, read in order."""
 
     def __init__(self, data: bytes, body: int) -> None:
         self.data, self.at = data, body
 
     def element(self, name: str, count: int, row: np.dtype) -> _Columns:
-        """The next count rows by column; InputError if there are fewer."""
+        """Return the next `count` rows by column. Raises InputError if there are fewer."""
         fields = [field for field in row.names or () if not row[field].shape]
         if not any(field.startswith(COUNT_OF) for field in fields):
             held = (len(self.data) - self.at) // row.itemsize if row.itemsize else count
@@ -212,7 +216,10 @@ class _Binary:
         return found
 
     def _even(self, fields: list[str], count: int, row: np.dtype) -> _Columns | None:
-        """The next count rows if their lists are all as long as the first row's; else None, and they are still next."""
+        """Return the next `count` rows if their lists are all as long as the first row's.
+
+        Otherwise return None, and leave the position unchanged.
+        """
         types: list[Any] = []
         for field in fields:
             types.append((field, row[field]))
@@ -235,7 +242,7 @@ class _Binary:
         return {name: table[name] for name in kind.names or ()}
 
     def _take(self, size: int, name: str, count: int, done: int) -> bytes:
-        """The next size bytes; InputError if there are fewer."""
+        """Return the next `size` bytes. Raises InputError if there are fewer."""
         if self.at + size > len(self.data):
             raise _cut(name, count, done)
         self.at += size
