@@ -69,7 +69,7 @@ def _linear(points: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray
 
 
 def _mesh_colors(mesh: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return the colour argument of Scene.from_arrays for a trimesh.Trimesh, {} if the mesh has no colour, and notes."""
+    """Return the colour argument of Scene.from_arrays for a trimesh.Trimesh ({} if it has no colour), and notes."""
     visual, notes = mesh.visual, list[str]()
     if visual.kind in ("face", "vertex"):
         name = f"{visual.kind}_colors"
@@ -103,7 +103,10 @@ _INVENTED_IMAGE = bytes((100, 100, 100, 255)) * 4
 
 
 def _material(material: Any, uv: NDArray[np.float64] | None, notes: list[str]) -> Colors | None:
-    """Return a material's RGBA: [4], or [n, 4] if it has a texture, sampled at uv [n, 2]. None if trimesh invented it."""
+    """Return a material's RGBA: [4], or [n, 4] if it has a texture, sampled at uv [n, 2].
+
+    None if trimesh invented it.
+    """
     if hasattr(material, "baseColorFactor"):  # glTF
         factor, image = material.baseColorFactor, material.baseColorTexture
     else:  # OBJ and others
@@ -160,7 +163,10 @@ def _finished(material: Any, colors: Colors) -> Colors:
 
 
 def _unit_colors(colors: AnyArray) -> NDArray[np.float32]:
-    """Return colours [n, 3|4] of any dtype as float32 [n, 4] in 0..1. Integers are normalised by their type's maximum."""
+    """Return colours [n, 3|4] of any dtype as float32 [n, 4] in 0..1.
+
+    Integers are normalised by their type's maximum.
+    """
     top = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1
     rgba = np.ones((len(colors), 4), dtype=np.float32)
     rgba[:, : colors.shape[1]] = np.clip(np.nan_to_num(colors / top), 0, 1)

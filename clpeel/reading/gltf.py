@@ -76,7 +76,10 @@ def plain_gltf(data: bytes, extension: str, companions: Companions) -> tuple[byt
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
-    """Return the JSON of a .glb file and its binary chunk. Raises InputError if the file is cut or of another version."""
+    """Return the JSON of a .glb file and its binary chunk.
+
+    Raises InputError if the file is cut or of another version.
+    """
     if len(data) < 20:
         raise InputError(f"the file is cut: expected 20 bytes or more, got {len(data)}")
     version, length = (int.from_bytes(data[at : at + 4], "little") for at in (4, 8))

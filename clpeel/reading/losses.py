@@ -77,7 +77,10 @@ _MAPS = re.compile(r"(map_\w+|bump|disp|decal|refl|norm)$", re.IGNORECASE)
 
 
 def _obj(data: bytes, companions: Companions) -> list[str]:
-    """Return the notes of an OBJ file. Its material files are joined under the first one's name, where trimesh looks."""
+    """Return the notes of an OBJ file.
+
+    Its material files are joined under the first one's name, where trimesh looks.
+    """
     words = [found for word in _OBJ_WORDS for found in _statements(data, word)]
     libraries = [value for word, value in words if word == "mtllib"]
     used = list(dict.fromkeys(value for word, value in words if word == "usemtl"))
