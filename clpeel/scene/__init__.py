@@ -1,1 +1,1 @@
-"""Scenes: what goes in. NumPy alone; nothing here knows a device."""
+"""Scenes: the input of a render. This package uses NumPy alone, and no OpenCL device."""

@@ -1,4 +1,4 @@
-"""Arrays: what is given for vertices, faces, normals and colours, checked and in the types that a scene has."""
+"""Arrays: checks vertices, faces, normals and colours, and converts them to the types that a scene stores."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from clpeel.color import parse_color
 from clpeel.errors import InputError
 
 DEFAULT_COLOR = (120, 150, 190, 255)
-"""RGBA of a mesh that brings no colour of its own, uint8."""
+"""RGBA of a mesh without any colour of its own, uint8."""
 
 AnyArray = NDArray[Any]
-"""An array of whatever type a file or a caller has."""
+"""An array of any type that a file or a caller may have."""
 
 Colors = AnyArray
 """RGBA in the last axis: uint8 0..255 or float32 0..1."""
 
 
 def checked_vertices(value: ArrayLike) -> NDArray[np.float64]:
-    """value as float64 [n, 3], or InputError."""
+    """Return value as float64 [n, 3], or raise InputError."""
     array = _array("vertices", value)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise InputError(f"vertices: expected [n, 3] real numbers, got {_described(array)}")
@@ -30,7 +30,7 @@ def checked_vertices(value: ArrayLike) -> NDArray[np.float64]:
 
 
 def checked_faces(value: ArrayLike, count: int) -> NDArray[np.int32]:
-    """value as int32 [m, 3] with every index in 0..count-1 and m >= 1, or InputError."""
+    """Return value as int32 [m, 3], or raise InputError. Every index must be in 0..count-1, and m at least 1."""
     array = _array("faces", value)
     if array.size == 0:
         raise InputError("faces: expected at least one triangle, got none; the mesh is empty")
@@ -45,7 +45,7 @@ def checked_faces(value: ArrayLike, count: int) -> NDArray[np.int32]:
 
 
 def checked_normals(value: ArrayLike, count: int) -> NDArray[np.float32]:
-    """value as float32 [count, 3], or InputError."""
+    """Return value as float32 [count, 3], or raise InputError."""
     array = _array("vertex_normals", value)
     if array.shape != (count, 3) or array.dtype.kind not in "fiu":
         raise InputError(f"vertex_normals: expected [{count}, 3] real numbers, got {_described(array)}")
@@ -54,13 +54,16 @@ def checked_normals(value: ArrayLike, count: int) -> NDArray[np.float32]:
 
 
 def checked_color(name: str, value: ArrayLike) -> Colors:
-    """value, numbers or text such as "red" or "#rrggbbaa", uint8 or float32 [3], or [4] with alpha, or InputError."""
+    """Return one colour as uint8 or float32: [3], or [4] if it has an alpha. Raises InputError.
+
+    value: numbers, or text such as "red" or "#rrggbbaa". name: what the error calls it.
+    """
     numbers = written(name, value, alpha=True)
     return checked_colors(name, numbers, ())[: np.shape(numbers)[0]]
 
 
 def written(name: str, value: ArrayLike, alpha: bool = False) -> ArrayLike:
-    """A colour that is text as numbers 0..1, or InputError; anything else as it is."""
+    """Return a colour that is text as numbers 0..1, or raise InputError. Anything else is returned as it is."""
     if not isinstance(value, str):
         return value
     try:
@@ -70,14 +73,14 @@ def written(name: str, value: ArrayLike, alpha: bool = False) -> ArrayLike:
 
 
 def checked_colors(name: str, value: ArrayLike, rows: tuple[int, ...]) -> Colors:
-    """value as uint8 or float32 [*rows, 4], or InputError; a single colour may be text."""
+    """Return value as uint8 or float32 [*rows, 4], or raise InputError. A single colour (no rows) may be text."""
     array = _array(name, value if rows else written(name, value, alpha=True))
     if array.shape not in ((*rows, 3), (*rows, 4)) or array.dtype.kind not in "fiu":
         shape = ", ".join(map(str, (*rows, "3 or 4")))
         raise InputError(f"{name}: expected [{shape}] integers 0..255 or floats 0..1, got {_described(array)}")
     top = 1 if array.dtype.kind == "f" else 255
     if array.size and array.dtype != np.uint8:
-        least, greatest = array.min(), array.max()  # NaN if any is
+        least, greatest = array.min(), array.max()  # NaN if any of them is NaN
         if not (least >= 0 and greatest <= top):
             wrong = greatest if not greatest <= top else least
             kind = "floats" if top == 1 else "integers"
@@ -90,7 +93,7 @@ def checked_colors(name: str, value: ArrayLike, rows: tuple[int, ...]) -> Colors
 
 
 def checked_opacity(value: object) -> float:
-    """value as a float in 0..1, or InputError."""
+    """Return value as a float in 0..1, or raise InputError."""
     opacity = checks.number(value)
     if not 0 <= opacity <= 1:
         raise InputError(f"opacity: expected a number 0..1, got {value}")
@@ -98,17 +101,17 @@ def checked_opacity(value: object) -> float:
 
 
 def alike(arrays: list[Colors]) -> list[Colors]:
-    """The colours as they are if all are uint8, else all as float32."""
+    """Return the colours unchanged if all of them are uint8, else all of them as float32."""
     return arrays if all(array.dtype == np.uint8 for array in arrays) else [as_float(array) for array in arrays]
 
 
 def as_float(colors: Colors) -> NDArray[np.float32]:
-    """The colours as float32 0..1."""
+    """Return the colours as float32 0..1."""
     return np.asarray(colors / np.float32(255) if colors.dtype == np.uint8 else colors, dtype=np.float32)
 
 
 def _array(name: str, value: ArrayLike) -> AnyArray:
-    """value as an array of numbers, or InputError."""
+    """Return value as an array of numbers, or raise InputError."""
     try:
         return np.asarray(value)
     except (TypeError, ValueError) as error:
@@ -116,5 +119,5 @@ def _array(name: str, value: ArrayLike) -> AnyArray:
 
 
 def _described(array: AnyArray) -> str:
-    """An array's shape and type, or the text that it is, for an error message."""
+    """Return an array's shape and type for an error message, or its text if it is text."""
     return repr(str(array)) if array.shape == () and array.dtype.kind == "U" else f"{list(array.shape)} {array.dtype}"

@@ -17,40 +17,50 @@ Vector = Sequence[float] | NDArray[np.float64]
 
 
 NEAREST_SHARE = 1e-6
-"""Near plane of a fitted clipping range, as a share of the far one, where the eye is within the scene. Reversed depth
-has the same relative precision at every distance, so a near plane this close costs nothing."""
+"""The nearest near plane of a fitted range, as a share of the far plane's distance, if the eye is inside the scene.
+
+Reversed depth has the same relative precision at every distance. So a near plane this close costs no precision."""
 
 
 NEAREST_DEPTH = 2.0**-64
-"""The same of a range that is given: what lies closer to the eye has no place in positions of 48 bits, and depths stay
-numbers of full precision in float32."""
+"""The nearest near plane of a range that the user gives, as a share of the scene's farthest distance.
+
+Positions have 48 bits, so nothing closer to the eye has a place of its own. Depths down to this share also keep their
+full precision in float32."""
 
 LEAST_SHARE = 2.0**-12
-"""Of an orthographic range that is given, that the scene takes at least: half of its depths' bits are left then."""
+"""The least share of a given orthographic range that the scene may take up. A longer range is cut to the scene.
+
+At this share, half of the depths' bits are left for the scene."""
 
 
 THINNEST_SLICE = 2.0**-40
-"""Of the scene, that an orthographic range is taken to hold: positions of 48 bits have hardly a thinner one."""
+"""The thinnest orthographic range, as a share of the scene's extent. Positions of 48 bits hardly allow a thinner one.
+"""
 
 
 FLAT = 1e-6
-"""A scene is flat where it is no thicker than this share of its extent."""
+"""A scene is flat if it is no thicker than this share of its extent."""
 
 ABOVE = 0.1
-"""Looking down, or up, is looking so close to the vertical: the sine of the angle to it."""
+"""A view counts as looking straight down or up if the sine of its angle to the vertical is at most this."""
 
 SAMPLE_FACES = 1000
-"""Faces that tell of most scenes, however large, that they are not flat."""
+"""The number of faces to sample first. They show of most scenes, however large, that they are not flat."""
 
 
 class Degrees(float):
-    """An angle that was checked, or worked out from one that was: it is not looked at again, lest it be refused."""
+    """An angle in degrees that has already been checked, or was computed from one.
+
+    It is not checked again, so that a computed angle is never refused.
+    """
 
 
 def checked_degrees(name: str, value: float) -> Degrees:
-    """value, degrees, as a number; or InputError, also where it is in radians: no angle in degrees is pi / 6.
+    """Return value, in degrees, as a number. Raises InputError if it is none, or if it seems to be in radians.
 
-    Those are half degrees in radians, up to a whole turn either way, to within nine digits.
+    It seems to be in radians if it equals a multiple of half a degree, in radians, to nine digits, for up to one turn
+    either way. Nobody means pi / 6 degrees, for example.
     """
     if isinstance(value, Degrees):
         return value
@@ -68,7 +78,7 @@ def checked_degrees(name: str, value: float) -> Degrees:
 
 
 def checked_view_angle(value: float) -> Degrees:
-    """As checked_degrees, between 0 and 180."""
+    """Return value as checked_degrees does. Raises InputError also unless it is between 0 and 180."""
     angle = checked_degrees("camera view_angle", value)
     if not 0 < angle < 180:
         raise InputError(f"camera view_angle: expected degrees between 0 and 180, got {angle:g}")
@@ -77,13 +87,13 @@ def checked_view_angle(value: float) -> Degrees:
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera in world units, as VTK's.
+    """A camera in world units, with the same meaning as VTK's.
 
-    position, focal_point, view_up: 3 numbers each. view_angle: degrees, vertical, in (0, 180).
-    clipping_range: (near, far) view distances in world units, or None to fit the scene. Orthographic views are
-    |position - focal_point| * tan(view_angle / 2) high from the centre up, so that switching keeps the framing.
+    position, focal_point, view_up: 3 numbers each. view_angle: degrees, vertical, in (0, 180). clipping_range: (near,
+    far) view distances in world units, or None to fit the scene. An orthographic view reaches |position - focal_point|
+    * tan(view_angle / 2) from the centre up, so that the framing stays the same in both modes.
 
-    Raises InputError when a value is not finite, the position is the focal point, view_up is parallel to the view,
+    Raises InputError if a value is not finite, the position is the focal point, view_up is parallel to the view,
     view_angle is out of range, or near >= far (or near <= 0 in perspective).
     """
 
@@ -115,11 +125,11 @@ class Camera:
 
     @property
     def distance(self) -> float:
-        """From the position to the focal point, in world units."""
+        """The distance from the position to the focal point, in world units."""
         return length_of(np.subtract(self.focal_point, self.position))
 
     def axes(self) -> NDArray[np.float64]:
-        """Unit vectors right, up and forward: float64 [3, 3], a row each."""
+        """Return the unit vectors right, up and forward: float64 [3, 3], one per row."""
         forward = np.subtract(self.focal_point, self.position)
         length = length_of(forward)
         if not (math.isfinite(length) and length > 0):
@@ -147,11 +157,12 @@ class Camera:
         aspect: float = 1.0,
         orthographic: bool = False,
     ) -> Camera:
-        """The camera that looks along `direction` and just holds the scene's bounding sphere.
+        """Return the camera that looks along `direction` and just holds the bounding sphere of the scene's box.
 
-        direction, up: 3 numbers, or an axis such as "-Z". No direction: along -Z (with another `up`, as `front` says),
-        but straight at the face of a scene that is flat, from the side nearest to that. aspect: width / height of the
-        picture; a picture taller than wide is framed by its width. Raises InputError on any of these that cannot be.
+        direction, up: 3 numbers, or an axis such as "-Z". view_angle: degrees. aspect: width / height of the picture; a
+        picture that is taller than wide is framed by its width. Without a direction, the camera looks where `front`
+        says, which is along -Z for up +Y. A flat scene is the exception: the camera then looks straight at its face,
+        from the side that is nearest to the front. Raises InputError if any of these is invalid.
         """
         low, high = scene.bounds
         centre = low + (high - low) / 2
@@ -171,12 +182,15 @@ class Camera:
         return cls(position, centre, view_up, view_angle, orthographic=orthographic)
 
     def azimuth(self, degrees: float) -> Camera:
-        """Turned about view_up through the focal point, as VTK's Azimuth."""
+        """Return the camera turned about view_up through the focal point, as VTK's Azimuth does. Raises InputError."""
         angle = checked_degrees("camera azimuth", degrees)
         return self._turned(np.asarray(self.view_up, np.float64), angle, turn_up=False)
 
     def elevation(self, degrees: float) -> Camera:
-        """Turned about the axis to the left through the focal point, as VTK's Elevation: positive looks from above."""
+        """Return the camera turned about its left axis through the focal point, as VTK's Elevation does.
+
+        A positive angle looks from above. Raises InputError.
+        """
         return self._turned(-self.axes()[0], checked_degrees("camera elevation", degrees), turn_up=True)
 
     def _turned(self, about: NDArray[np.float64], degrees: float, turn_up: bool) -> Camera:
@@ -185,7 +199,7 @@ class Camera:
         k = about / length_of(about)
         angle = math.radians(degrees)
 
-        def turn(v: NDArray[np.float64]) -> NDArray[np.float64]:  # Rodrigues
+        def turn(v: NDArray[np.float64]) -> NDArray[np.float64]:  # Rodrigues' rotation formula
             return v * math.cos(angle) + np.cross(k, v) * math.sin(angle) + k * np.dot(k, v) * (1 - math.cos(angle))
 
         focal = np.asarray(self.focal_point, np.float64)
@@ -194,7 +208,10 @@ class Camera:
         return replace(self, position=focal + turn(arm), view_up=up)
 
     def zoom(self, factor: float) -> Camera:
-        """Narrower by `factor`, as VTK's Zoom: the view angle is divided by it (orthographic: the view's height)."""
+        """Return the camera with its view angle divided by `factor`, as VTK's Zoom does. Raises InputError.
+
+        In an orthographic view, the height of the view is divided instead.
+        """
         if not (math.isfinite(factor) and factor > 0):
             raise InputError(f"camera zoom: expected a factor > 0, got {factor!r}")
         if self.orthographic:
@@ -203,12 +220,13 @@ class Camera:
         return replace(self, view_angle=Degrees(min(self.view_angle / factor, 179.9)))
 
     def depth_range(self, scene: Scene, least_share: float = LEAST_SHARE) -> tuple[float, float]:
-        """The view distances between which depths are told apart: the fitted range, or the one given, in world units.
+        """Return the view distances between which depths are resolved: (near, far) in world units.
 
-        One given may begin or end so far beyond the scene that float32 knows nothing of what lies between: all depths
-        would be equal, or the near plane zero. It is then drawn in to the scene, which changes nothing that can be
-        seen. least_share: of the range given, that the scene takes at least (of orthographic views, whose depths are
-        even).
+        This is the fitted range, or the one that was given. A given range may begin or end so far beyond the scene that
+        float32 cannot resolve the scene within it: all depths would be equal, or the near plane would be zero. The
+        range is then cut to the scene, which changes nothing visible. least_share: the least share of a given range
+        that the scene must take up before the range is cut. It matters in orthographic views only, because their depths
+        are spaced evenly.
         """
         near, far = self.fitted_range(scene)
         if self.clipping_range is None:
@@ -220,7 +238,7 @@ class Camera:
             return near, far if far > near else 2 * near
         if extent / least_share >= far - near:
             return near, max(far, near + extent * THINNEST_SLICE)
-        if near > farthest:  # nothing is drawn, which any range behind the scene says that float32 holds
+        if near > farthest:  # nothing is visible, so any range behind the scene will do if float32 can hold it
             near = min(near, farthest + extent)
             return near, near + extent
         if far < nearest:
@@ -229,7 +247,7 @@ class Camera:
         return max(near, nearest), min(far, farthest)
 
     def fitted_range(self, scene: Scene) -> tuple[float, float]:
-        """The clipping range given, or one that holds the scene: (near, far) in world units."""
+        """Return the given clipping range, or else one that holds the scene: (near, far) in world units."""
         if self.clipping_range is not None:
             return self.clipping_range
         near, far = self.view_distances(scene)
@@ -237,12 +255,12 @@ class Camera:
         near, far = near - margin, far + margin
         if self.orthographic:
             return near, far
-        if far <= 0:  # the whole scene lies behind the eye: nothing to see
+        if far <= 0:  # the whole scene is behind the eye, so nothing is visible
             return self.distance * 0.5, self.distance
         return max(near, far * NEAREST_SHARE), far
 
     def view_distances(self, scene: Scene) -> tuple[float, float]:
-        """The least and the greatest distance along the view axis that a corner of the scene's bounds has."""
+        """Return the least and the greatest distance, along the view axis, of the corners of the scene's bounds."""
         corners = np.array(np.meshgrid(*scene.bounds.T, indexing="ij")).reshape(3, -1).T
         distances = (corners - np.asarray(self.position, np.float64)) @ self.axes()[2]
         return float(distances.min()), float(distances.max())
@@ -252,19 +270,20 @@ class Camera:
 
 
 def front(up: Vector) -> NDArray[np.float64]:
-    """Where a camera looks by default, f3d's rule: along -Z when up is +Y, along +Y when up is +Z."""
+    """Return where a camera looks by default. This is f3d's rule: along -Z if up is +Y, along +Y if up is +Z."""
     x, y, z = up
     right = (1.0, 0.0, 0.0) if abs(x) < max(abs(y), abs(z)) else (0.0, -1.0 if x > 0 else 1.0, 0.0)
     return np.cross(up, right)
 
 
 def default_view(scene: Scene, up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where to look, and what is up in the picture, where nobody said: to the front, or at the face of a flat scene.
+    """Return the default direction to look in, and what is up in the picture.
 
-    A flat scene is seen from its side that is nearest to the front; of two as near from above, then from the right.
+    The camera looks to the front, or straight at the face of a flat scene. A flat scene is seen from its side that is
+    nearest to the front. If both sides are equally near, it is seen from above, or else from the right.
     """
     if not up.any():
-        return np.array([0.0, 0.0, -1.0]), up  # which Camera refuses
+        return np.array([0.0, 0.0, -1.0]), up  # Camera refuses this
     up_length = length_of(up)
     usual = front(up / up_length)
     usual /= np.linalg.norm(usual)
@@ -280,7 +299,7 @@ def default_view(scene: Scene, up: NDArray[np.float64]) -> tuple[NDArray[np.floa
 
 
 def flat_normal(scene: Scene) -> NDArray[np.float64] | None:
-    """The unit normal of the plane that the scene lies in; None where it lies in none, or along a line."""
+    """Return the unit normal of the plane that contains the scene. None if there is no such plane, or many (a line)."""
     low, high = scene.bounds
     half = high / 2 - low / 2
     size = float(half.max())
@@ -288,7 +307,7 @@ def flat_normal(scene: Scene) -> NDArray[np.float64] | None:
         return None
 
     def extents(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of points [n, 3], along their principal axes, the least first, and these axes, a column each."""
+        """Return the extents of points [n, 3] along their principal axes, least first, and these axes as columns."""
         points = (points[np.isfinite(points).all(axis=1)] - (low / 2 + high / 2)) / size
         if not len(points):
             return np.zeros(3), np.eye(3)
@@ -299,7 +318,7 @@ def flat_normal(scene: Scene) -> NDArray[np.float64] | None:
     some = scene.faces[:: max(len(scene.faces) // SAMPLE_FACES, 1)]
     if len(some) < len(scene.faces):
         found, _ = extents(scene.vertices[some.reshape(-1)])
-        if found[0] > 10 * FLAT:  # the plane of some is not quite that of all
+        if found[0] > 10 * FLAT:  # with a margin of 10, as the plane of the sample is not exactly the plane of all
             return None
     used = np.zeros(len(scene.vertices), dtype=bool)
     used[scene.faces.reshape(-1)] = True
@@ -315,13 +334,13 @@ def flat_normal(scene: Scene) -> NDArray[np.float64] | None:
 
 
 def length_of(vector: NDArray[np.float64]) -> float:
-    """The length of a vector of any size: also where its squares leave the range of float64."""
+    """Return the length of a vector, even if its squares are outside the range of float64."""
     length = float(np.linalg.norm(vector))
     return length if 0 < length < math.inf else math.hypot(*vector)
 
 
 def vector3(name: str, value: Vector) -> NDArray[np.float64]:
-    """Three finite numbers, or InputError."""
+    """Return three finite numbers, or raise InputError."""
     try:
         vector = np.asarray(value, np.float64)
     except (TypeError, ValueError):
@@ -332,7 +351,7 @@ def vector3(name: str, value: Vector) -> NDArray[np.float64]:
 
 
 def axis(value: str | Vector, name: str) -> NDArray[np.float64]:
-    """A direction given as an axis ("-Z", "+Y", "X") or as three numbers."""
+    """Return the direction of an axis ("-Z", "+Y", "X") or of three numbers. Raises InputError."""
     if not isinstance(value, str):
         return vector3(name, value)
     letter = value[-1:].upper()

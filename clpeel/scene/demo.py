@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from clpeel.scene.scene import Scene
 
-DIRECTION = (-0.35, -0.42, -1.0)  # where the demo's camera looks
-ZOOM = 1.68  # and how close: the scene is a ball, the default holds the corners of its box
+DIRECTION = (-0.35, -0.42, -1.0)  # the direction in which the demo's camera looks
+ZOOM = 1.68  # the zoom: the scene is a ball, but the default framing leaves room for the corners of its box
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Part = tuple[Floats, Ints, Floats]  # vertices [n, 3], faces [m, 3], face colours [m, 4] in 0..1
 
-# Colours around the knot, one after the other and back to the first.
+# Colours along the knot, in order. After the last, they return to the first.
 KNOT_COLORS = np.array(
     [
         (0.05, 0.70, 0.95),
@@ -33,7 +33,7 @@ RIBBON_COLORS = np.array([(0.15, 0.85, 0.95), (0.55, 0.35, 1.00)])  # from the u
 
 
 def demo_scene() -> Scene:
-    """The whole scene, about 205,000 triangles and up to 30 layers in a pixel; the same bits each time."""
+    """Return the whole scene: about 205,000 triangles and up to 30 layers in a pixel, with the same bits each time."""
     from clpeel.scene.scene import Scene
 
     parts = [
@@ -56,7 +56,7 @@ def demo_scene() -> Scene:
 
 
 def _grid_faces(rows: int, columns: int, *, closed_rows: bool, closed_columns: bool) -> Ints:
-    """Two triangles for every square of a grid of vertices, row by row; int [m, 3]."""
+    """Return two triangles for every square of a grid of vertices, row by row: int [m, 3]."""
     i, j = np.mgrid[0 : rows - (not closed_rows), 0 : columns - (not closed_columns)]
     a, b = i * columns + j, i * columns + (j + 1) % columns
     c, d = (i + 1) % rows * columns + j, (i + 1) % rows * columns + (j + 1) % columns
@@ -64,7 +64,7 @@ def _grid_faces(rows: int, columns: int, *, closed_rows: bool, closed_columns: b
 
 
 def _on_sphere(polar: Floats, around: Floats) -> Floats:
-    """Unit vectors [..., 3] at the angles `polar`, from +Y, and `around` the Y axis, in radians."""
+    """Return the unit vectors [..., 3] at the angles `polar` (from +Y) and `around` (about the Y axis), in radians."""
     x, y, z = np.sin(polar) * np.cos(around), np.cos(polar), np.sin(polar) * np.sin(around)
     return np.stack(np.broadcast_arrays(x, y, z), -1)
 
@@ -82,13 +82,13 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _tube(center: Floats, side: Floats, up: Floats, radius: float, sides: int) -> Floats:
-    """Vertices [steps * sides, 3] of circles about `center` [steps, 3] in the planes of `side` and `up`."""
+    """Return the vertices [steps * sides, 3] of circles about `center` [steps, 3] in the planes of `side` and `up`."""
     angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)[None, :, None]
     return (center[:, None] + radius * (np.cos(angle) * side[:, None] + np.sin(angle) * up[:, None])).reshape(-1, 3)
 
 
 def _knot(steps: int = 900, sides: int = 40, radius: float = 0.155) -> Part:
-    """A (3, 5) torus knot, its colour running round it; inside it a thinner, stronger core."""
+    """Return a (3, 5) torus knot whose colour changes along it, with a thinner and more opaque core inside."""
     t = np.linspace(0, 2 * np.pi, steps, endpoint=False)
 
     def curve(t: Floats) -> Floats:
@@ -117,7 +117,7 @@ def _knot(steps: int = 900, sides: int = 40, radius: float = 0.155) -> Part:
 
 
 def _ribbons(radius: float, count: int = 9, rows: int = 160, columns: int = 12) -> Part:
-    """Ribbons that wind from pole to pole on a sphere, widest at its equator."""
+    """Return ribbons that wind from pole to pole on a sphere. They are widest at its equator."""
     down, across = np.linspace(0, 1, rows)[:, None], np.linspace(-0.5, 0.5, columns)[None, :]
     polar = np.pi * (0.06 + 0.88 * down)
     vertices, faces, colors = [], [], []
@@ -133,7 +133,7 @@ def _ribbons(radius: float, count: int = 9, rows: int = 160, columns: int = 12) 
 
 
 def _lattice(radius: float, thickness: float = 0.006, sides: int = 8) -> Part:
-    """The edges of an icosahedron, each face divided into nine, as thin rods on a sphere."""
+    """Return the edges of an icosahedron, with each face divided into nine, as thin rods on a sphere."""
     edges = _geodesic_edges(3) * radius
     start, end = edges[:, 0], edges[:, 1]
     along = _unit(end - start)
@@ -145,7 +145,7 @@ def _lattice(radius: float, thickness: float = 0.006, sides: int = 8) -> Part:
 
 
 def _pearls(radius: float, size: float = 0.022) -> Part:
-    """A small ball on every joint of the lattice."""
+    """Return a small ball on every joint of the lattice."""
     joints = np.unique(_geodesic_edges(3).reshape(-1, 3), axis=0) * radius
     ball, one, _ = _sphere(size, (0.0, 0.0, 0.0, 0.0), rows=9, columns=16)
     vertices = (joints[:, None] + ball).reshape(-1, 3)
@@ -153,13 +153,13 @@ def _pearls(radius: float, size: float = 0.022) -> Part:
 
 
 def _copies(faces: Ints, vertices: int, count: int, color: ArrayLike) -> tuple[Ints, Floats]:
-    """Faces and colours of `count` copies of a part with so many vertices."""
+    """Return the faces and colours of `count` copies of a part that has `vertices` vertices."""
     copies = (faces[None] + vertices * np.arange(count)[:, None, None]).reshape(-1, 3)
     return copies, np.tile(np.asarray(color, float), (len(copies), 1))
 
 
 def _geodesic_edges(divisions: int) -> Floats:
-    """Edges [m, 2, 3] between unit vectors: an icosahedron with every edge divided, pushed out to the sphere."""
+    """Return the edges [m, 2, 3], between unit vectors, of an icosahedron with divided edges, projected on the sphere."""
     golden = (1 + 5**0.5) / 2
     corners = [(0.0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
     points = _unit(np.array([np.roll(corner, shift) for corner in corners for shift in range(3)]))

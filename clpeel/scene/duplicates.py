@@ -1,4 +1,4 @@
-"""Duplicate faces: those whose three corners lie where another's do, so that their surface is drawn more than once."""
+"""Duplicate faces: their three corners lie where those of another face do, so their surface is drawn more than once."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from numpy.typing import NDArray
 from clpeel.scene.arrays import AnyArray
 
 _ODD = [np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xFF51AFD7ED558CCD)]
-"""Multipliers that spread every bit of a coordinate upwards."""
+"""Odd multipliers, which spread every bit of a coordinate to the higher bits."""
 
 
 def duplicates(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.intp]:
-    """The faces whose corners, in any order, lie exactly where an earlier face's do: their indices, in order.
+    """Return the indices, in order, of the faces whose corners lie exactly where those of an earlier face do, in any
+    order.
 
-    vertices: float64 [n, 3], where -0.0 is 0.0 and NaN equals nothing; faces: int32 [m, 3].
+    vertices: float64 [n, 3]; -0.0 equals 0.0, and NaN equals nothing. faces: int32 [m, 3].
     """
-    points = vertices + 0.0  # -0.0 has other bits than 0.0
+    points = vertices + 0.0  # turns -0.0 into 0.0, as their bits differ
     corners = _hashes(points)
     candidates = _alike(_sums((corners >> np.uint64(32)).astype(np.uint32), faces))
     keys = _sums(corners, faces[candidates])
-    order = np.argsort(keys, kind="stable")  # of equal ones the first face stays the first
+    order = np.argsort(keys, kind="stable")  # stable, so that the first of equal faces stays the first
     candidates, keys = candidates[order], keys[order]
     same = _equal_next(keys)
     grouped = np.append(same, False) | np.append(False, same) if len(keys) else np.zeros(0, bool)
@@ -29,10 +30,14 @@ def duplicates(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArr
 
 
 def _hashes(points: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """A number a point, equal where the points are equal, and elsewhere but for chance not, nor the sums of three."""
+    """Return a hash of each point. Equal points have equal hashes.
+
+    Different points have different hashes, except by chance. The same holds for the sums of three hashes.
+    """
     x, y, z = np.ascontiguousarray(points).view(np.uint64).T
     mixed = x * _ODD[0]
-    # Spread before the next is added: signs are the highest bits, and two that change would cancel out.
+    # The bits must be mixed before the next coordinate is added. Signs are the highest bits, so without mixing two
+    # changed signs would cancel out.
     for part, odd in ((y, _ODD[1]), (z, _ODD[2])):
         mixed ^= mixed >> np.uint64(32)
         mixed += part
@@ -44,13 +49,16 @@ def _hashes(points: NDArray[np.float64]) -> NDArray[np.uint64]:
 
 
 def _sums(corners: AnyArray, faces: NDArray[np.int32]) -> AnyArray:
-    """The sum of the three corners' hashes of each face: it forgets their order."""
+    """Return the sum of the hashes of each face's three corners. A sum does not depend on their order."""
     first, second, third = corners.take(faces.reshape(-1)).reshape(-1, 3).T
     return first + second + third
 
 
 def _alike(keys: NDArray[np.uint32]) -> NDArray[np.intp]:
-    """The indices of all keys that occur more than once, and a few more; half a key sorts in a third of the time."""
+    """Return the indices of all keys that occur more than once, and of a few others.
+
+    The keys have 32 bits, because such keys sort in a third of the time.
+    """
     ordered = np.sort(keys)
     marked = np.zeros(2**20, dtype=bool)
     marked[ordered[1:][_equal_next(ordered)] >> np.uint32(12)] = True
@@ -58,7 +66,7 @@ def _alike(keys: NDArray[np.uint32]) -> NDArray[np.intp]:
 
 
 def _equal_next(keys: AnyArray) -> NDArray[np.bool_]:
-    """Whether each key but the last is equal to the next."""
+    """Return whether each key but the last equals the next one."""
     same: NDArray[np.bool_] = keys[1:] == keys[:-1]
     return same
 
@@ -66,13 +74,13 @@ def _equal_next(keys: AnyArray) -> NDArray[np.bool_]:
 def _repeats(
     points: NDArray[np.float64], corners: NDArray[np.uint64], faces: NDArray[np.int32], keys: NDArray[np.uint64]
 ) -> NDArray[np.bool_]:
-    """Which faces repeat an earlier one exactly; faces with equal keys stand together."""
+    """Return which faces repeat an earlier face exactly. Faces with equal keys are next to each other."""
     turned = np.take_along_axis(faces, np.argsort(corners[faces], axis=1), axis=1)
     rows = points[turned].reshape(-1, 9)
     repeats: NDArray[np.bool_] = np.zeros(len(rows), dtype=bool)
     repeats[1:] = np.all(rows[1:] == rows[:-1], axis=1)
     whole = ~np.any(np.isnan(rows), axis=1)
-    if np.any(_equal_next(keys) & ~repeats[1:] & whole[1:]):  # different faces with one key: compare all with all
+    if np.any(_equal_next(keys) & ~repeats[1:] & whole[1:]):  # different faces share a key, so compare all with all
         _, first, group = np.unique(rows.view("V72").reshape(-1), return_index=True, return_inverse=True)
         repeats = (first[group] != np.arange(len(rows))) & whole
     return repeats

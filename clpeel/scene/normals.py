@@ -1,4 +1,4 @@
-"""Vertex normals: smooth where the surface is, split where it has a crease, the file's own where it brings them."""
+"""Vertex normals: the file's own if it has them, else smooth ones, which are split where the surface has a crease."""
 
 from __future__ import annotations
 
@@ -14,20 +14,22 @@ from clpeel.scene.scene import Scene
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_TOLERANCE = 1e-5  # of a cosine, so that 30 degrees stay 30 degrees after a model's coordinates were rounded
-_PAIRS = 1 << 19  # pairs of corners compared at a time: they stay in cache
-_CROWD = 256  # corners at one creased point beyond which they are grouped, not compared in pairs
+_TOLERANCE = 1e-5  # added to a cosine, so that 30 degrees stay 30 degrees after a model's coordinates were rounded
+_PAIRS = 1 << 19  # the number of pairs of corners that are compared at a time, so that they stay in the cache
+_CROWD = 256  # with more corners than this at one creased point, they are grouped and not compared in pairs
 
 
 def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
-    """The scene with a unit vector, float32 [n, 3], at every vertex; vertices are split where the surface has a crease.
+    """Return the scene with a unit vector, float32 [n, 3], at every vertex. Vertices are split where there is a crease.
 
-    Normals that the scene has are kept where finite and not zero. A corner without one gets the mean of the normals,
-    weighted by area, of those faces at its position that lie within crease_angle degrees of its own face (above 90 is
-    as 90). Faces meet where positions are equal, whatever the indices. Winding does not matter: two faces compare as if
-    wound alike, and a normal lies on the side of its own face, so that it interpolates well over that face.
-    At a crease where more than 256 corners meet, faces are grouped by direction, with the same bound on the angle.
-    Faces keep their count and order; vertices without a face that has an area get +Z.
+    The scene's own normals are kept if they are finite and not zero. Any other corner gets the mean of face normals,
+    weighted by area: those of the faces at its position that lie within crease_angle degrees of its own face. Angles
+    above 90 count as 90. Faces meet where their positions are equal, whatever their indices are. Winding does not
+    matter: two faces are compared as if they were wound alike. A normal lies on the side of its own face, so that it
+    interpolates well over that face.
+
+    At a crease where more than 256 corners meet, faces are grouped by direction, with the same limit on the angle.
+    Faces keep their count and order. A vertex gets +Z if none of its faces has an area.
 
     Raises InputError unless crease_angle is in 0..180.
     """
@@ -46,7 +48,7 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
     place_of_corner = place[scene.faces]
     axes, side, creased = _smooth(units, areas, place_of_corner, len(first), crease)
 
-    # plain corners take the one normal of their place; the others have normals of their own
+    # Smooth corners share the one normal of their place. All other corners get normals of their own.
     normals = np.where(known[:, None], normals, axes.T[place].astype(np.float32))
     computed = ~known[scene.faces] & usable[:, None]
     own = computed & (creased[place_of_corner] | (side < 0))
@@ -61,7 +63,7 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
 
 
 def _given(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """The scene's own normals as unit vectors [n, 3], zero where none is valid, and where one is [n]."""
+    """Return the scene's own normals as unit vectors [n, 3], zero where invalid, and where they are valid, bool [n]."""
     if scene.vertex_normals is None:
         return np.zeros(scene.vertices.shape, np.float32), np.zeros(len(scene.vertices), bool)
     normals = _unit(np.ascontiguousarray(scene.vertex_normals.T, dtype=np.float64)).T
@@ -69,21 +71,24 @@ def _given(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
 
 
 def _filled(normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The normals [n, 3] with +Z for zero."""
+    """Return the normals [n, 3] with each zero vector replaced by +Z."""
     normals[~normals.any(axis=1)] = (0, 0, 1)
     return normals
 
 
 def _scaled(scene: Scene) -> Floats:
-    """The vertices as [3, n] times the power of two that brings faces to about 1: areas neither overflow nor vanish."""
+    """Return the vertices as [3, n], scaled by a power of two to a size of about 1.
+
+    This keeps the faces' areas from overflowing or vanishing.
+    """
     size = float(np.abs(scene.bounds).max())
     exponent = max(-1000, min(1000, -math.frexp(size)[1]))
     with np.errstate(all="ignore"):
-        return np.ascontiguousarray(scene.vertices.T) * math.ldexp(1.0, exponent) + 0.0  # + 0.0: -0.0 becomes 0.0
+        return np.ascontiguousarray(scene.vertices.T) * math.ldexp(1.0, exponent) + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
 def _area_normals(points: Floats, faces: NDArray[np.int32]) -> Floats:
-    """Each face's normal times twice its area, [3, m], from points [3, n]; zero where it is not finite."""
+    """Return each face's normal times twice its area, [3, m], from points [3, n]. It is zero if it is not finite."""
     with np.errstate(all="ignore"):
         a = points.take(faces[:, 0], axis=1)
         b = points.take(faces[:, 1], axis=1) - a
@@ -94,28 +99,32 @@ def _area_normals(points: Floats, faces: NDArray[np.int32]) -> Floats:
 
 
 def _unit(vectors: Floats) -> Floats:
-    """The vectors [3, k] at length 1; zero where they are zero or not finite."""
+    """Return the vectors [3, k] at length 1, or zero where they are zero or not finite."""
     with np.errstate(all="ignore"):
-        vectors = vectors / np.abs(vectors).max(axis=0)  # no square of it overflows or vanishes
+        vectors = vectors / np.abs(vectors).max(axis=0)  # so that no square overflows or vanishes
         vectors /= np.sqrt(_dot(vectors, vectors))
     vectors[:, ~np.isfinite(vectors).all(axis=0)] = 0
     return vectors
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    """The scalar products of vectors [3, ...]; in this order of sums everywhere, which a BLAS would not promise."""
+    """Return the scalar products of vectors [3, ...]. The sums have a fixed order, which a BLAS would not promise."""
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 def _distinct(columns: Floats) -> tuple[Indices, Indices]:
-    """Which columns of [d, k] are bitwise equal: the first of each kind [kinds], and the kind of each [k]."""
+    """Find the columns of [d, k] that are equal bit by bit.
+
+    Returns the first of each kind, and each column's kind [k].
+    """
     bits = columns.view(np.uint64)
     key = np.zeros(columns.shape[1], np.uint64)
     for row in bits:
         key = (key ^ row) * np.uint64(0x9E3779B97F4A7C15)
         key ^= key >> np.uint64(32)
     _, first, kind = np.unique(key, return_index=True, return_inverse=True)
-    if (bits != bits[:, first[kind]]).any():  # different columns with one key: rare, so the slow way may do
+    # Different columns have the same key: this is rare, so a slow method will do.
+    if (bits != bits[:, first[kind]]).any():
         _, first, kind = np.unique(bits, axis=1, return_index=True, return_inverse=True)
     return first, kind.reshape(-1)
 
@@ -123,12 +132,14 @@ def _distinct(columns: Floats) -> tuple[Indices, Indices]:
 def _smooth(
     units: Floats, areas: Floats, places: Indices, count: int, crease: float
 ) -> tuple[Floats, NDArray[np.int8], NDArray[np.bool_]]:
-    """The normal of each place as if all were smooth [3, count], the side of it that each corner is on [m, 3], ±1,
-    and whether its place is creased [count].
+    """Return the smooth normals of all places, the side of each corner, and which places are creased.
 
-    units, areas: face normals [3, m]; places: of each corner [m, 3]; count: of all places, as vertices that no face
-    uses have places too; crease: radians.
-    A place is smooth if its faces lie within half the crease angle of their mean: any two then lie within all of it.
+    The results are: the normal of each place as if all were smooth, [3, count]; the side of that normal on which each
+    corner's face lies, ±1, [m, 3]; and whether the place is creased, [count].
+    units, areas: face normals [3, m]. places: the place of each corner [m, 3]. count: the number of all places, which
+    include places of vertices that no face uses. crease: radians.
+    A place is smooth if its faces all lie within half the crease angle of their mean. Then any two of them lie within
+    the whole angle.
     """
     usable = units.any(axis=0)
     reference = np.zeros((3, count))
@@ -152,9 +163,10 @@ def _smooth(
 
 
 def _creased(units: Floats, areas: Floats, corners: Indices, places: Indices, crease: float) -> Floats:
-    """For each of the corners (3 * face + its number) the summed area normals of the faces at its place within crease.
+    """For each corner, return the sum of the area normals of the faces at its place that lie within crease: [3, k].
 
-    units, areas: face normals [3, m]; places: of each corner [k]; crease: radians. Returns [3, k].
+    units, areas: face normals [3, m]. corners: 3 * face + the corner's number, [k]. places: the place of each corner
+    [k]. crease: radians.
     """
     order = np.argsort(places, kind="stable")
     unit, area = units.take(corners[order] // 3, axis=1), areas.take(corners[order] // 3, axis=1)
@@ -165,7 +177,7 @@ def _creased(units: Floats, areas: Floats, corners: Indices, places: Indices, cr
         groups = starts[sizes == size]
         solve, step = (_in_pairs, max(1, _PAIRS // int(size) ** 2)) if size <= _CROWD else (_in_groups, 1)
         for begin in range(0, len(groups), step):
-            members = groups[begin : begin + step, None] + np.arange(size)  # [groups, size]
+            members = groups[begin : begin + step, None] + np.arange(size)  # shape [groups, size]
             sums[:, members] = solve(unit[:, members], area[:, members], crease)
     result = np.empty_like(sums)
     result[:, order] = sums
@@ -173,14 +185,20 @@ def _creased(units: Floats, areas: Floats, corners: Indices, places: Indices, cr
 
 
 def _in_pairs(unit: Floats, area: Floats, crease: float) -> Floats:
-    """For each face of each group, [3, groups, size], the sum of its group's areas within crease, all to its side."""
+    """For each face of each group, return the sum of its group's area normals within crease, [3, groups, size].
+
+    All of them are turned to the side of that face first.
+    """
     cosine = _dot(unit[:, :, :, None], unit[:, :, None, :])
     weight = np.where(np.abs(cosine) >= math.cos(crease) - _TOLERANCE, np.where(cosine < 0, -1.0, 1.0), 0.0)
     return np.stack([(weight * component[:, None, :]).sum(axis=2) for component in area])
 
 
 def _in_groups(unit: Floats, area: Floats, crease: float) -> Floats:
-    """As _in_pairs for one large group, [3, 1, size]: faces within crease / 2 of one of them share a sum, in turn."""
+    """Do the same as _in_pairs for one large group, [3, 1, size], in less time.
+
+    The first face that is left and all faces within crease / 2 of it share one sum. This repeats until no face is left.
+    """
     sums = np.empty_like(area)
     left = np.arange(unit.shape[2])
     while left.size:
@@ -195,9 +213,10 @@ def _in_groups(unit: Floats, area: Floats, crease: float) -> Floats:
 def _split(
     scene: Scene, normals: NDArray[np.float32], own: NDArray[np.bool_], corner_normals: NDArray[np.float32]
 ) -> Scene:
-    """The scene with vertex normals [n, 3], but for the corners where own [m, 3], which have corner_normals [k, 3].
+    """Return the scene with vertex normals [n, 3], but with corner_normals [k, 3] at the corners where own [m, 3] is
+    set.
 
-    A vertex is repeated for each further normal that its corners ask for; colours follow.
+    A vertex is repeated for each further normal that its corners need. Its colours are repeated with it.
     """
     asking = scene.faces[own].astype(np.int64)
     first, variant = _distinct(np.ascontiguousarray(np.column_stack([asking, corner_normals]).T, dtype=np.float64))
@@ -205,7 +224,7 @@ def _split(
     free = np.ones(len(scene.vertices), bool)
     free[scene.faces[~own]] = False
     claims, claimant = np.unique(source, return_index=True)
-    settled = claimant[free[claims]]  # a vertex that no other corner uses goes to its first variant
+    settled = claimant[free[claims]]  # if no other corner uses a vertex, the vertex goes to its first variant
     slot = np.full(len(source), -1)
     slot[settled] = source[settled]
     added = np.flatnonzero(slot < 0)

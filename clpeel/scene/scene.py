@@ -1,4 +1,4 @@
-"""A scene: the triangles, colours and normals to render, checked as they come in."""
+"""A scene: the triangles, colours and normals to render, checked on input."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from clpeel.scene.arrays import (
     checked_vertices,
 )
 
-_FAR_FROM_ORIGIN = 16.0  # in half diagonals: beyond this, float32 spends four bits or more on the offset
-_SCALE_EXPONENT = 60  # beyond 2**±60, float32 products of a few coordinates could leave the range of float32
+_FAR_FROM_ORIGIN = 16.0  # in half diagonals; farther away, float32 spends four bits or more on the offset
+_SCALE_EXPONENT = 60  # outside 2**±60, products of a few coordinates could leave the range of float32
 
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """Device positions p = (vertices - origin) * scale, as float32 pairs p = hi + lo.
+    """Positions for the device, p = (vertices - origin) * scale, as float32 pairs p = hi + lo.
 
-    hi: float32 [n, 3]; lo: float32 [n, 3], or None where hi is exact; origin: float64 [3], scene units;
-    scale: 1, or the power of two that brings the scene to about 1.
+    hi: float32 [n, 3]. lo: float32 [n, 3], or None if hi is exact. origin: float64 [3], scene units. scale: 1, or the
+    power of two that brings the scene to a size of about 1.
     """
 
     hi: NDArray[np.float32]
@@ -44,7 +44,10 @@ class Positions:
 
 @dataclass(frozen=True)
 class OpticalDepths:
-    """-ln(1 - alpha) of transparent colours: mean and standard deviation, 0 of none; and the greatest alpha, 0..1."""
+    """Statistics of the optical depths -ln(1 - alpha) of transparent colours. All are 0 if there are none.
+
+    mean, deviation: the mean and the standard deviation. most_alpha: the greatest alpha of a transparent colour, 0..1.
+    """
 
     mean: float
     deviation: float
@@ -53,12 +56,12 @@ class OpticalDepths:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Triangles with colours; make one with `Scene.from_arrays` or `clpeel.load`, which check what they are given.
+    """Triangles with colours. Use `Scene.from_arrays` or `clpeel.load` to make one: they check their input.
 
-    vertices: float64 [n, 3], scene units; NaN and infinite ones are allowed, their triangles are discarded when drawn.
-    faces: int32 [m, 3], indices into vertices; their order is the submission order.
+    vertices: float64 [n, 3], scene units. NaN and infinite ones are allowed; their triangles are discarded when drawn.
+    faces: int32 [m, 3], indices into vertices. Their order is the submission order.
     Exactly one of face_colors [m, 4], vertex_colors [n, 4] and color [4] is set: RGBA, uint8 0..255 or float32 0..1.
-    vertex_normals: float32 [n, 3] of any length, NaN rows where unknown; None where the source gave none.
+    vertex_normals: float32 [n, 3] of any length, with NaN rows where unknown. None if the source has none.
     notes: what the loader could not keep, one line each.
     """
 
@@ -81,14 +84,15 @@ class Scene:
         vertex_normals: ArrayLike | None = None,
         opacity: float | None = None,
     ) -> Scene:
-        """A scene from arrays, all of them checked.
+        """Return a scene made from arrays, all of which are checked.
 
-        vertices [n, 3] numbers; faces [m, 3] integers 0..n-1, m >= 1; at most one of face_colors [m, 3|4],
-        vertex_colors [n, 3|4] and color [3|4]: integers are 0..255, floats 0..1, and without alpha they are opaque;
-        color may be text too, such as "steelblue" or "#rrggbbaa".
-        vertex_normals [n, 3] of any length; opacity 0..1 replaces every alpha.
+        vertices: [n, 3] numbers. faces: [m, 3] integers 0..n-1, m >= 1. At most one of face_colors [m, 3|4],
+        vertex_colors [n, 3|4] and color [3|4] may be given. Integer colours are 0..255, float colours 0..1, and colours
+        without alpha are opaque. color may also be text, such as "steelblue" or "#rrggbbaa". Without any colour, it is
+        DEFAULT_COLOR.
+        vertex_normals: [n, 3] of any length. opacity: 0..1, replaces every alpha.
 
-        Raises InputError, which names the argument, what was expected and what came.
+        Raises InputError, which names the argument, what was expected and what was given.
         """
         points = checked_vertices(vertices)
         triangles = checked_faces(faces, len(points))
@@ -112,7 +116,9 @@ class Scene:
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
-        """float64 [2, 3]: least and greatest corner of the finite vertices that faces use; zeros if there are none."""
+        """The least and the greatest corner of the finite vertices that faces use: float64 [2, 3], zeros if there are
+        none.
+        """
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.faces.reshape(-1)] = True
         used &= np.isfinite(self.vertices).all(axis=1)
@@ -129,7 +135,7 @@ class Scene:
 
     @cached_property
     def surfaces(self) -> str:
-        """ "opaque" where every face is (all its alphas are 1), "transparent" where none is, else "mixed"."""
+        """ "opaque" if all faces are opaque (all their alphas are 1), "transparent" if none is, else "mixed"."""
         alpha = np.atleast_1d(self.colors[..., 3])
         solid = alpha == (255 if alpha.dtype == np.uint8 else 1)
         if self.vertex_colors is not None and solid.any():
@@ -138,7 +144,7 @@ class Scene:
 
     @cached_property
     def optical_depths(self) -> OpticalDepths:
-        """How much its transparent colours let through."""
+        """Statistics of how much light the transparent colours absorb."""
         alpha = np.atleast_1d(self.colors[..., 3])
         if alpha.dtype == np.uint8:
             counts = np.bincount(alpha.reshape(-1), minlength=256)[:255]
@@ -154,18 +160,18 @@ class Scene:
 
     @property
     def colors(self) -> Colors:
-        """The one colour array that is set."""
+        """The one colour array that is set. Raises InputError if none is."""
         for colors in (self.face_colors, self.vertex_colors, self.color):
             if colors is not None:
                 return colors
         raise InputError("colours: expected face_colors, vertex_colors or color, got none; use Scene.from_arrays")
 
     def positions(self) -> Positions:
-        """The vertices as the device gets them: near the origin, about 1 in size where float32 demands it.
+        """Return the vertices as the device gets them: near the origin, and of a size of about 1 if float32 needs that.
 
-        The origin moves only if the scene's centre is more than 16 half diagonals away from it, to the centre rounded
-        to a power of two below the half diagonal: so vertices that were float32 stay exactly float32.
-        The scale is an exact power of two, and 1 unless the scene's size is beyond 2**60 or below 2**-60.
+        The origin moves only if the scene's centre is more than 16 half diagonals away from it. It then moves to the
+        centre, rounded to a power of two below the half diagonal, so that vertices that were float32 stay exactly
+        float32. The scale is always a power of two. It is 1 unless the scene's size is above 2**60 or below 2**-60.
         """
         low, high = self.bounds
         center, half = low / 2 + high / 2, high / 2 - low / 2
@@ -189,7 +195,11 @@ class Scene:
 
 
 def joined(scenes: Sequence[Scene]) -> Scene:
-    """The scenes' triangles one after another, their colours kept as few and as they were as they can be."""
+    """Return one scene with the triangles of all scenes, in order. Raises InputError for 2**31 vertices or more.
+
+    The colours take the smallest form that keeps them all: one colour if all scenes have the same, else face colours,
+    or vertex colours if any scene has these.
+    """
     if len(scenes) == 1:
         return scenes[0]
     notes = tuple(dict.fromkeys(note for scene in scenes for note in scene.notes))
@@ -215,18 +225,21 @@ def joined(scenes: Sequence[Scene]) -> Scene:
 
 
 def _normals_or_nan(scene: Scene) -> NDArray[np.float32]:
-    """The scene's vertex normals, NaN where it has none."""
+    """Return the scene's vertex normals, or NaN if it has none."""
     return np.full(scene.vertices.shape, np.nan, np.float32) if scene.vertex_normals is None else scene.vertex_normals
 
 
 def _stacked(scenes: Sequence[Scene], counts: Sequence[int]) -> Colors:
-    """The scenes' colours one after another, a scene's one colour repeated count times."""
+    """Return the scenes' colours one after another. If a scene has one colour, it is repeated `count` times."""
     rows = [np.broadcast_to(scene.colors, (count, 4)) for scene, count in zip(scenes, counts, strict=True)]
     return np.concatenate(alike(rows))
 
 
 def with_vertex_colors(scene: Scene) -> Scene:
-    """The same picture from a face-coloured scene with vertex colours: every face gets vertices of its own."""
+    """Convert a scene with face colours to one with vertex colours that looks the same.
+
+    Each face gets its own vertices.
+    """
     corners = scene.faces.reshape(-1)
     normals = None if scene.vertex_normals is None else scene.vertex_normals[corners]
     colors = np.repeat(scene.colors, 3, axis=0)
@@ -238,7 +251,10 @@ def with_vertex_colors(scene: Scene) -> Scene:
 
 
 def recolored(scene: Scene, color: Colors | None, opacity: float | None) -> Scene:
-    """The scene with its rgb replaced by color [3] (with [4] its alpha too), then its alpha by opacity, where given."""
+    """Return the scene with its rgb replaced by color [3], and its alpha replaced by opacity. None keeps what there is.
+
+    A color [4] replaces the alpha, too, before opacity does.
+    """
     colors = scene.colors
     if color is not None:
         if len(color) == 4 or colors.ndim == 1 or (colors[..., 3] == colors[0, 3]).all():
