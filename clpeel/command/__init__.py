@@ -1,1 +1,1 @@
-"""The command `clpeel`: the door for a shell."""
+"""The command `clpeel`: clpeel for the shell."""

@@ -1,4 +1,4 @@
-"""Inputs: the scene that the command's options name, and the camera that they ask for."""
+"""Inputs: makes the scene and the camera that the command's options ask for."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def _view_up(options: argparse.Namespace, view: Sequence[float]) -> Vector:
-    """`--camera-view-up`, else `--up`; where neither was given and the camera looks along it, a side that is not."""
+    """Return `--camera-view-up`, else `--up`. If neither is given, return Y, or Z if the camera looks along Y."""
     up: Vector = options.camera_view_up or options.up or AXES["Y"]
     if options.camera_view_up or options.up:
         return up
@@ -29,7 +29,11 @@ def _view_up(options: argparse.Namespace, view: Sequence[float]) -> Vector:
 
 
 def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
-    """The camera that the options ask for: position and focal point, or all in view, then azimuth, elevation, zoom."""
+    """Return the camera that the options ask for.
+
+    It is made of a position and a focal point, or it has everything in view. Then azimuth, elevation and zoom are
+    applied.
+    """
     from dataclasses import replace
 
     from clpeel.scene.camera import Camera
@@ -77,7 +81,7 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
 
 
 def load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
-    """What reads the files named, and what to call them."""
+    """Return a function that reads the named files, and a name for them."""
 
     def load() -> Scene:
         import clpeel
@@ -94,5 +98,5 @@ def load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
 
 
 def _for_each(given: list[T], count: int) -> list[T]:
-    """What was given once for all files, for each; what was given for each as it is."""
+    """Return a list with a value for each file. A single value is repeated for all files."""
     return given * count if len(given) == 1 else given

@@ -1,4 +1,4 @@
-"""The command `clpeel`: arguments in, a picture or a table out.
+"""The command `clpeel`: takes arguments, and gives a picture or a table.
 
 NumPy, OpenCL and trimesh are imported only inside the commands that need them.
 """
@@ -21,7 +21,7 @@ EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE, EXIT_TERMINATED = 1, 130, 141,
 
 
 def run_table(options: argparse.Namespace) -> int:
-    """`clpeel techniques`, `devices` and `report`: a table, which report.py makes."""
+    """Run `clpeel techniques`, `devices` or `report`. Each prints a table, which report.py makes."""
     if not options.verbose:
         quiet_libraries()
     from clpeel.command import report
@@ -32,7 +32,7 @@ def run_table(options: argparse.Namespace) -> int:
 
 
 def _in(module: str, name: str) -> Callable[[argparse.Namespace], int]:
-    """The function of a module of this package, which is imported when it runs."""
+    """Return a function of a module of this package. The module is imported only when the function is called."""
 
     def run(options: argparse.Namespace) -> int:
         found: Callable[[argparse.Namespace], int] = getattr(import_module(f"clpeel.command.{module}"), name)
@@ -57,7 +57,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
 
 
 def _explain(error: Exception) -> tuple[str, int]:
-    """One line that says what went wrong and what to do, and the exit code."""
+    """Return the exit code and, before it, one line that says what went wrong and what to do."""
     first_line = next(iter(str(error).splitlines()), "")
     if isinstance(error, ClpeelError):
         return first_line, error.exit_code
@@ -83,12 +83,12 @@ def _explain(error: Exception) -> tuple[str, int]:
 
 
 class _Terminated(BaseException):
-    """SIGTERM: the command ends as after Ctrl-C, so that nothing half written stays."""
+    """SIGTERM. The command then ends as it does after Ctrl-C, so that no half-written file stays."""
 
 
 @contextlib.contextmanager
 def _orderly_end() -> Iterator[None]:
-    """Within it SIGTERM raises _Terminated, where nobody else has seen to that signal."""
+    """Make SIGTERM raise _Terminated inside the block, unless someone else already handles that signal."""
 
     def end(*_: object) -> None:
         raise _Terminated
@@ -115,7 +115,8 @@ def _run(arguments: Sequence[str]) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code.
 
-    0 done, 1 failed, 2 bad input, 3 no device, 130 interrupted, 141 nobody reads standard output, 143 terminated.
+    The codes are: 0 done, 1 failed, 2 bad input, 3 no device, 130 interrupted, 141 nobody reads standard output, 143
+    terminated.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     fill_standard_streams()

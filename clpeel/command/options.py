@@ -1,4 +1,4 @@
-"""Options: the flags of each command. Those of pictures and techniques are made of the fields of their classes."""
+"""Options: the flags of each command. The fields of the option classes define the flags of pictures and techniques."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PICTURE = {each.name: each for each in options_of(PictureOptions)}
 
 
 def add_files(parser: argparse.ArgumentParser, done: str) -> None:
-    """What all commands that read files read."""
+    """Add the options of all commands that read files."""
     group = parser.add_argument_group("files")
     group.add_argument("files", nargs="+", metavar="FILE", help=f"mesh file; several are {done} together")
     text = "leave out faces whose corners are those of an earlier face"
@@ -26,14 +26,14 @@ def _add_output(group: argparse._ArgumentGroup, output: str, metavar: str, text:
 
 
 def add_picture_options(parser: argparse.ArgumentParser, output: str, resolution: str, samples: int) -> None:
-    """The options that `render` and `demo` share."""
+    """Add the options that `render` and `demo` share."""
     group = parser.add_argument_group("picture")
     _add_output(group, output, "OUT.png", "PNG file to write, or - for standard output")
     _add_view_options(parser, group, resolution, samples)
 
 
 def add_layers_options(parser: argparse.ArgumentParser) -> None:
-    """The options of `layers`: those of `render`, and how a layer is shown."""
+    """Add the options of `layers`: those of `render`, and how a layer is shown."""
     group = parser.add_argument_group("pictures")
     _add_output(group, "layers", "DIR", "folder for layer-01.png, layer-02.png, ... and layers.npz")
     group.add_argument(
@@ -47,7 +47,7 @@ def add_layers_options(parser: argparse.ArgumentParser) -> None:
 def _add_view_options(
     parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int
 ) -> None:
-    """What all commands that render one picture share; `group` gets those of the picture."""
+    """Add the options of all commands that render one picture. `group` receives those of the picture."""
     _add_scene_options(group, resolution)
     group.add_argument("--no-background", action="store_true", help="write a transparent background (straight alpha)")
     _add_camera_options(parser)
@@ -60,7 +60,7 @@ def _add_view_options(
 
 
 def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
-    """How large the picture is, and what it is of."""
+    """Add the options of the picture's size and of the scene's colours."""
     add = group.add_argument
     add(
         "--resolution",
@@ -83,7 +83,7 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
 
 
 def _add_camera_options(parser: argparse.ArgumentParser) -> None:
-    """Where all commands that look at a scene look from."""
+    """Add the camera options of all commands that show a scene."""
     group = parser.add_argument_group("camera")
     add = group.add_argument
     add("--camera-position", type=values.vector, metavar="X,Y,Z", help="where the camera stands (default: all in view)")
@@ -115,7 +115,7 @@ def _add_camera_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
-    """How all commands that render do it, and what they say."""
+    """Add the options of all commands that render: how they do it, and what they say."""
     group = parser.add_argument_group("method")
     text = "default: sort, exact; auto: what this picture needs; 'clpeel techniques' lists them"
     group.add_argument("--technique", default="sort", metavar="NAME", help=text)
@@ -130,7 +130,7 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
 
 
 def technique_options() -> dict[str, Option]:
-    """The options that some techniques have besides those of all pictures, by name: what they are passed as."""
+    """Return the options, by name, that some techniques have besides those of all pictures."""
     found: dict[str, Option] = {}
     for each in (*(technique.options for technique in TECHNIQUES.values()), AutoOptions):
         for own in options_of(each):
@@ -139,7 +139,7 @@ def technique_options() -> dict[str, Option]:
 
 
 def add_option(group: argparse._ArgumentGroup, each: Option, default: object = None) -> None:
-    """The flag of an option. What is not given is None, so that the technique's own default holds."""
+    """Add the flag of an option. An option that is not given is None, so that the technique's own default applies."""
     if each.kind is None:
         group.add_argument(
             each.flag, dest=each.name, action="store_const", const=each.default is False, help=each.flag_help
@@ -151,7 +151,7 @@ def add_option(group: argparse._ArgumentGroup, each: Option, default: object = N
 
 
 def _add_device_options(group: argparse._ArgumentGroup) -> None:
-    """What all commands that compute compute on."""
+    """Add the device options of all commands that compute."""
     add = group.add_argument
     add_option(group, PICTURE["memory"])
     add("--device", metavar="DEVICE", help="number, or part of a name, as 'clpeel devices' shows them")
@@ -164,7 +164,7 @@ def _add_device_options(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_messages_options(group: argparse._ArgumentGroup) -> None:
-    """What all commands that compute say."""
+    """Add the message options of all commands that compute."""
     add = group.add_argument
     add("--no-progress", action="store_true", help="no progress bar (it shows on a terminal, on long work)")
     add("--quiet", action="store_true", help="print errors only")
@@ -172,7 +172,7 @@ def _add_messages_options(group: argparse._ArgumentGroup) -> None:
 
 
 def add_complexity_options(parser: argparse.ArgumentParser) -> None:
-    """The options of `complexity`: those of `render` that a count knows."""
+    """Add the options of `complexity`: those of `render` that apply to counting."""
     group = parser.add_argument_group("picture")
     _add_output(group, "complexity.png", "OUT.png", "PNG file of the heat map, or - for standard output")
     group.add_argument("--json", metavar="FILE", help="write the figures, too")
@@ -188,7 +188,7 @@ def add_complexity_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_compare_options(parser: argparse.ArgumentParser) -> None:
-    """The options of `compare`: the scene, the camera and the device as of `render`, and what is compared."""
+    """Add the options of `compare`: what to compare, and the scene, camera and device options of `render`."""
     group = parser.add_argument_group("comparison")
     add = group.add_argument
     add("--techniques", type=values.names, metavar="NAME,...", help="only these (default: all that make this picture)")

@@ -1,4 +1,4 @@
-"""Outputs: where the command may write, checked before any work, and writing there whole or not at all."""
+"""Outputs: checks before any work where the command may write, and writes there whole or not at all."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ if TYPE_CHECKING:
     from clpeel.pictures.layers import Layers
 
 LAYER_FILES = r"layer-\d+\.png|layers\.npz"
-"""What `clpeel layers` writes into its folder, and replaces there."""
+"""A pattern of the files that `clpeel layers` writes into its folder, and replaces there."""
 
 
 def check_writable(path: str, option: str, suffix: str = "") -> str:
-    """As checked_file; `-` is standard output. Raises OSError where that is closed."""
+    """Check a path as checked_file does; `-` is standard output.
+
+    Raises InputError, or OSError if standard output is closed.
+    """
     if path != "-":
         return checked_file(path, option, suffix)
     check_standard_output()
@@ -30,9 +33,9 @@ def check_writable(path: str, option: str, suffix: str = "") -> str:
 
 
 def check_apart(outputs: Mapping[str, str | None], files: Sequence[str]) -> None:
-    """Refuses, before any work, an output that would replace an input or another output. Raises InputError.
+    """Raise InputError, before any work, if an output would replace an input or another output.
 
-    outputs: by what errors call them; None where there is none.
+    outputs: the paths, by the names that errors use; None where there is no output. files: the inputs.
     """
     taken = {_identity(path): f"the input '{path}'" for path in files}
     for option, path in outputs.items():
@@ -44,7 +47,7 @@ def check_apart(outputs: Mapping[str, str | None], files: Sequence[str]) -> None
 
 
 def _identity(path: str) -> tuple[object, ...]:
-    """The same for all names of a file."""
+    """Return a value that is the same for all names of one file."""
     with contextlib.suppress(OSError):
         found = os.stat(path)
         return found.st_dev, found.st_ino
@@ -52,14 +55,17 @@ def _identity(path: str) -> tuple[object, ...]:
 
 
 def check_picture(path: str) -> str:
-    """As check_writable, for the picture."""
+    """Check the picture's path as check_writable does. Raises InputError also if the PNG would go to a terminal."""
     if path == "-" and sys.stdout.isatty():
         raise InputError("--output: will not write a PNG to a terminal; name a file, or send it on: -o - > out.png")
     return check_writable(path, "--output", ".png")
 
 
 def check_map(path: str, maps: Sequence[str]) -> str:
-    """As check_writable, for the map of a technique that makes one."""
+    """Check the path of a technique's map as check_writable does.
+
+    Raises InputError also if the technique makes no map.
+    """
     if not maps:
         from clpeel.techniques import TECHNIQUES
 
@@ -72,7 +78,7 @@ def check_map(path: str, maps: Sequence[str]) -> str:
 
 
 def write(path: str, data: bytes) -> None:
-    """To standard output, or to a file, whole or not at all."""
+    """Write to standard output, or to a file, whole or not at all."""
     if path == "-":
         with standard_output():
             sys.stdout.buffer.write(data)
@@ -82,7 +88,10 @@ def write(path: str, data: bytes) -> None:
 
 
 def write_layers(folder: str, layers: Layers, options: argparse.Namespace, progress: Progress) -> str:
-    """A picture for each layer and a file of all: all of them or none. Returns what was written."""
+    """Write a picture for each layer and one file of all layers: all of these or none.
+
+    Returns a text of what was written.
+    """
     from clpeel.pictures.png import save_png
 
     background = None if options.no_background else options.background_color
@@ -98,5 +107,5 @@ def write_layers(folder: str, layers: Layers, options: argparse.Namespace, progr
 
 
 def plain(value: object) -> object:
-    """NumPy's numbers and arrays for json."""
+    """Convert NumPy's numbers and arrays for json."""
     return value.tolist() if hasattr(value, "tolist") else str(value)

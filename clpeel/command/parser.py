@@ -1,6 +1,6 @@
-"""The command line of `clpeel`: its options under f3d's names, what their values may be, and the help.
+"""The command line of `clpeel`: its options, named as in f3d, their possible values, and the help.
 
-Imports nothing heavy, so that `--help` and a mistyped option are answered at once.
+This imports nothing heavy, so that `--help` and a mistyped option are answered at once.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ the times beside each other. Ctrl-C ends it with the rows that are finished.
 
 
 class _Help(argparse.HelpFormatter):
-    """One line an option: `-o, --output OUT.png`."""
+    """Shows one option per line: `-o, --output OUT.png`."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, max_help_position=36, width=112)
@@ -66,7 +66,10 @@ class _Help(argparse.HelpFormatter):
 
 
 class _Once(argparse.Action):
-    """Stores a value. Another one for the same option is refused: of two, one would be dropped without a word."""
+    """Stores a value, and refuses a different second value for the same option.
+
+    Otherwise one would be silently dropped.
+    """
 
     def __call__(
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, *_: object
@@ -84,11 +87,11 @@ class Parser(argparse.ArgumentParser):
         super().__init__(formatter_class=_Help, allow_abbrev=False, **options)
         self.register("action", None, _Once)
         self.known: set[str] = set()  # the options of all commands
-        self.valued: dict[str, str] = {}  # the long name of each that takes a value
+        self.valued: dict[str, str] = {}  # for each option that takes a value, its long name
         self.commands: dict[str, Parser] = {}
 
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
-        print(self.format_help(), end="", file=file)  # argparse's own says nothing where that fails
+        print(self.format_help(), end="", file=file)  # argparse's own method hides a failure to print
 
     def error(self, message: str) -> NoReturn:
         wrong = re.match(r"argument (?:COMMAND|command): invalid choice: '([^']*)'", message)
@@ -111,7 +114,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Version(argparse.Action):
-    """`--version`, which reads the package's metadata only when asked."""
+    """`--version`. It reads the package's metadata only when it is used."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from clpeel.command.report import version
@@ -121,7 +124,7 @@ class _Version(argparse.Action):
 
 
 def make_parser() -> Parser:
-    """The whole command line, without importing anything heavy."""
+    """Return the whole command line. This imports nothing heavy."""
     parser = Parser(
         prog="clpeel",
         usage="clpeel COMMAND [options]",
@@ -197,13 +200,16 @@ def make_parser() -> Parser:
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """The options that the arguments give. Raises SystemExit after --help and --version, InputError where they err."""
+    """Return the options that the arguments give.
+
+    Raises SystemExit after --help and --version, and InputError if the arguments are wrong.
+    """
     parser = make_parser()
     options, unknown = parser.parse_known_args(tidy(arguments, parser.known, parser.valued))
     if options.command is None and not unknown:
         parser.print_help()
         parser.exit()
-    command = parser.commands.get(options.command, parser)  # whose help errors name
+    command = parser.commands.get(options.command, parser)  # errors name this command's help
     if unknown:
         command.error(f"unrecognized arguments: {' '.join(unknown)}")
     for name in FOR_EACH:
@@ -217,9 +223,10 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 def tidy(arguments: Sequence[str], known: Container[str], valued: Mapping[str, str]) -> list[str]:
     """Bring a command's arguments into the order and form that argparse understands: options first, as `--opt=value`.
 
-    argparse takes a value that begins with a minus for an option (`--camera-position -1,0,2`), an optional value for
-    whatever comes next (`--stats FILE`), and refuses files on both sides of an option.
-    `known` holds all options, `valued` the long names of those that take a value.
+    Otherwise argparse would take a value that begins with a minus for an option (`--camera-position -1,0,2`). It would
+    take whatever comes next for an optional value (`--stats FILE`). And it would refuse files on both sides of an
+    option.
+    known: all options. valued: the long names of the options that take a value.
     """
     options: list[str] = []
     files: list[str] = []
@@ -233,7 +240,7 @@ def tidy(arguments: Sequence[str], known: Container[str], valued: Mapping[str, s
             options.append("--stats=-")
         elif argument in valued:
             if not left or left[0] in known or left[0].startswith("--"):
-                return [*files[:1], argument]  # its value is missing: all that is left to say
+                return [*files[:1], argument]  # its value is missing, and that is the only error to report
             value = left.pop(0)
             options.append(f"{valued[argument]}={value}")
         elif argument.startswith("-") and argument != "-":
@@ -245,7 +252,7 @@ def tidy(arguments: Sequence[str], known: Container[str], valued: Mapping[str, s
 
 
 def _options(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """The options of the parser and of its commands."""
+    """Yield the options of the parser and of its commands."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():

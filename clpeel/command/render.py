@@ -1,4 +1,4 @@
-"""`clpeel render`, `layers` and `demo`: load, render, write."""
+"""`clpeel render`, `layers` and `demo`: load a scene, render it, write the result."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ def run_demo(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, layers: bool = False) -> int:
-    """Load, render, write. Nothing slow is begun before what was asked is known to be possible.
+    """Load, render and write. Nothing slow begins before the request is known to be possible.
 
-    layers: writes the layers into a folder, not the picture into a file.
+    layers: write the layers into a folder instead of the picture into a file.
     """
     if not options.verbose:
         quiet_libraries()
@@ -109,7 +109,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
 
 @dataclass(frozen=True)
 class _Outputs:
-    """Where everything goes: names of files, `-` for standard output, None for what is not asked for."""
+    """Where each output goes: the name of a file, `-` for standard output, or None if it is not asked for."""
 
     picture: str
     stats: str | None
@@ -117,7 +117,7 @@ class _Outputs:
 
 
 def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
-    """Where everything goes, or InputError or OSError where it cannot go there."""
+    """Return where each output goes. Raises InputError or OSError if it cannot go there."""
     if layers and options.output == "-":
         raise InputError("--output: expected a folder, got '-'")
     output = checked_folder(options.output, "--output") if layers else check_picture(options.output)
@@ -138,7 +138,7 @@ def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
 
 
 def _given(options: argparse.Namespace, layers: bool) -> dict[str, Any]:
-    """The options of `clpeel.render` that were given, but those of the camera and the device."""
+    """Return the given options of `clpeel.render`, without those of the camera and the device."""
     names = (*technique_options(), "opaque", "depth_format", "samples", "memory")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     return {
@@ -152,7 +152,7 @@ def _given(options: argparse.Namespace, layers: bool) -> dict[str, Any]:
 
 
 def _check_request(options: argparse.Namespace, layers: bool) -> None:
-    """Raises InputError where the options are wrong, and NoDeviceError where there is no such device."""
+    """Raise InputError if the options are wrong, or NoDeviceError if there is no such device."""
     from clpeel.device.devices import find_device
     from clpeel.rendering.request import checked_options
 
@@ -170,7 +170,7 @@ def _say_what_was_read(options: argparse.Namespace, scene: Scene, name: str, sec
 
 
 def _result(options: argparse.Namespace, scene: Scene, layers: bool, progress: Progress) -> Result:
-    """The picture."""
+    """Render the picture."""
     import clpeel
 
     camera = make_camera(options, scene)
@@ -190,7 +190,7 @@ def _result(options: argparse.Namespace, scene: Scene, layers: bool, progress: P
 def _write_result(
     options: argparse.Namespace, outputs: _Outputs, result: Result, layers: bool, progress: Progress
 ) -> str:
-    """Writes the picture or the layers, and the map. Returns what was written."""
+    """Write the picture or the layers, and the map. Returns a text of what was written."""
     from clpeel.pictures.png import encode_map, encode_png
     from clpeel.techniques import technique
 
@@ -205,7 +205,7 @@ def _write_result(
 
 
 def _warn(options: argparse.Namespace, stats: dict[str, Any]) -> None:
-    """Say what the picture could not show."""
+    """Print what the picture could not show."""
     if stats.get("discarded"):
         say(f"note: {stats['discarded']:,} triangles with NaN or infinite vertices were left out")
     if stats.get("unpaired_pixels"):

@@ -1,4 +1,4 @@
-"""What a bug report needs: versions, the machine, OpenCL platforms and devices."""
+"""What a bug report needs: versions, the machine, and OpenCL platforms and devices."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ICD_VARIABLES = (
 
 
 def version(package: str) -> str:
-    """The installed version of a package, without importing it."""
+    """Return the installed version of a package, without importing it."""
     from importlib import metadata
 
     try:
@@ -36,7 +36,7 @@ def version(package: str) -> str:
 
 
 def table(rows: Iterable[Iterable[object]]) -> list[str]:
-    """Rows of cells as lines with aligned columns, the first row being the heading."""
+    """Return rows of cells as lines with aligned columns. The first row is the heading."""
     cells = [[str(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells]
@@ -52,7 +52,7 @@ def _devices() -> list[DeviceInfo]:
 
 
 def technique_table() -> list[str]:
-    """What each technique does, a line each, and below it the options of `render` that it has besides the common."""
+    """Return one line for each technique, and below it the options of `render` that only some techniques have."""
     from clpeel.techniques import AUTO, AUTO_SUMMARY, TECHNIQUES, option_names
 
     width = max(map(len, TECHNIQUES))
@@ -66,11 +66,12 @@ def technique_table() -> list[str]:
 
 
 def device_table() -> list[str]:
-    """The numbered devices, a line each under a heading; raises NoDeviceError."""
+    """Return the numbered devices, one line each, under a heading. Raises NoDeviceError if there are none."""
     rows: list[tuple[object, ...]] = [("number", "kind", "units", "memory", "OpenCL", "platform", "name")]
     for device in _devices():
         memory = f"{device.memory / 2**30:.1f} GiB"
-        # "OpenCL 3.0 PoCL HSTR: …": the words after the number repeat the platform.
+        # The version reads like "OpenCL 3.0 PoCL HSTR: …". The words after the number repeat the platform, so they are
+        # dropped.
         opencl = " ".join(device.version.split()[1:2]) or device.version
         rows.append(
             (
@@ -116,7 +117,7 @@ def _kernels() -> str:
 
 
 def _drivers() -> list[str]:
-    """Where an OpenCL loader looks for drivers on this machine."""
+    """Return where an OpenCL loader looks for drivers on this machine."""
     lines = [f"{name}={os.environ[name]}" for name in ICD_VARIABLES if name in os.environ]
     for folder in ICD_FOLDERS:
         files = sorted(os.listdir(folder)) if os.path.isdir(folder) else []
@@ -125,7 +126,7 @@ def _drivers() -> list[str]:
 
 
 def report() -> list[str]:
-    """Lines for a bug report. Needs no device: what is missing or fails is said, not raised."""
+    """Return the lines of a bug report. It needs no device: it reports what is missing or fails, and raises nothing."""
     from clpeel.device.cache import root
 
     rows = [("python", f"{platform.python_version()} ({platform.python_implementation()}, {sys.platform})")]
@@ -139,6 +140,6 @@ def report() -> list[str]:
     try:
         lines += device_table()
         lines += [f"driver of {device.number}: {device.driver} | {device.version}" for device in _devices()]
-    except Exception as error:  # whatever a driver does wrong is what the report is for
+    except Exception as error:  # a driver may fail in any way, and the report must show how
         lines.append(f"devices: {type(error).__name__}: {error}")
     return lines

@@ -1,4 +1,4 @@
-"""`clpeel compare` and `clpeel complexity`: load, measure, print and write."""
+"""`clpeel compare` and `clpeel complexity`: load a scene, measure, print and write."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EXIT_INTERRUPTED = 130
 
 
 def run_compare(options: argparse.Namespace) -> int:
-    """Load, compare, print and write; interrupted, what is finished."""
+    """Load, compare, print and write. After an interrupt, it prints and writes the finished rows."""
     if not options.verbose:
         quiet_libraries()
     files = {name: path for name in ("json", "csv", "html") if (path := getattr(options, name)) is not None}
@@ -24,7 +24,7 @@ def run_compare(options: argparse.Namespace) -> int:
     files = {name: check_writable(path, f"--{name}") for name, path in files.items()}
     check_apart({f"--{name}": path for name, path in files.items()}, options.files)
     if "-" not in files.values() and not (options.quiet and files):
-        check_standard_output()  # for the table
+        check_standard_output()  # the table goes there
 
     import clpeel
     from clpeel.device.devices import find_device
@@ -79,7 +79,7 @@ def run_compare(options: argparse.Namespace) -> int:
 
 
 def run_complexity(options: argparse.Namespace) -> int:
-    """Load, count, write. Nothing slow is begun before what was asked is known to be possible."""
+    """Load, count and write. Nothing slow begins before the request is known to be possible."""
     if not options.verbose:
         quiet_libraries()
     output = check_picture(options.output)
@@ -88,7 +88,7 @@ def run_complexity(options: argparse.Namespace) -> int:
         raise InputError("--json: expected a file of its own, got '-'")
     check_apart({"--output": output, "--json": figures_output}, options.files)
     if output != "-" and not options.quiet:
-        check_standard_output()  # for the figures
+        check_standard_output()  # the figures go there
     if options.opaque not in ("first", "blend"):
         raise InputError(f"--opaque: expected first or blend, got '{options.opaque}'")
 

@@ -1,4 +1,4 @@
-"""What a command shows while it works and when it is done: the progress bar and the table of stats."""
+"""What a command shows on the terminal: the progress bar while it works, and tables when it is done."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from collections.abc import Mapping
 from typing import Any
 
 Figures = Mapping[str, Any]
-"""Numbers, texts and lists of them, by name."""
+"""Numbers, texts and lists of these, by name."""
 
 
 class Progress:
-    """A one-line bar on standard error, on a terminal only, once the work has lasted `delay` seconds.
+    """A one-line progress bar on standard error.
 
-    A thread draws it, so that it also shows while a file is read or kernels are compiled, which report nothing.
-    That is why it is our own: tqdm draws only when it is told of progress, and rich, which has such a thread, brings
-    four packages of 14 MB.
+    It appears on a terminal only, once the work has lasted `delay` seconds.
+
+    A thread draws it, so that it also appears while a file is read or kernels are compiled, which report no progress.
+    That is why it is our own: tqdm draws only when progress is reported to it, and rich, which has such a thread,
+    brings four packages of 14 MB.
     """
 
     WIDTH = 30
@@ -31,7 +33,7 @@ class Progress:
         self._done = threading.Event()
 
     def __call__(self, done: float, text: str = "") -> None:
-        """Say that `done` (0..1) of the work is done, and what is being done."""
+        """Report that `done` (0..1) of the work is done, and what is being done."""
         if not self.enabled:
             return
         done = min(max(done, 0.0), 1.0)
@@ -52,7 +54,7 @@ class Progress:
                 return
 
     def clear(self) -> None:
-        """Take the bar away; the next call begins another."""
+        """Remove the bar. The next call starts another one."""
         if self._drawing is not None:
             self._done.set()
             self._drawing.join()
@@ -88,7 +90,7 @@ STATS_ROWS = {
 
 
 def format_stats(stats: Figures) -> str:
-    """A render's stats as a readable table: what was done, the seconds of each stage, the bytes of each buffer."""
+    """Return a render's stats as a readable table: what was done, the seconds of each stage, the bytes of each buffer."""
 
     def show(value: object) -> str:
         if isinstance(value, list | tuple):
@@ -110,7 +112,9 @@ HISTOGRAM_WIDTH = 48
 
 
 def format_complexity(figures: Figures) -> str:
-    """The figures of a Complexity: what was counted, a histogram of covered pixels, what each technique needs."""
+    """Return the figures of a Complexity as text: the counts, a histogram of covered pixels, and each technique's
+    needs.
+    """
     width, height = figures["size"]
     lines = [f"{width:,} x {height:,} pixels, {figures['triangles']:,} triangles"]
     if not figures["covered_pixels"]:
@@ -150,9 +154,9 @@ def format_complexity(figures: Figures) -> str:
 
 
 def _histogram(figures: Figures) -> list[str]:
-    """Lines of bars: covered pixels by layers, in at most HISTOGRAM_ROWS bins of as many numbers each."""
+    """Return a bar chart of covered pixels by layers. It has at most HISTOGRAM_ROWS bins of equal width."""
     counts = list(figures["histogram"])
-    counts[0] = figures["covered_pixels"] - sum(counts[1:])  # those with opaque surfaces alone
+    counts[0] = figures["covered_pixels"] - sum(counts[1:])  # the pixels with opaque surfaces alone
     first = 0 if counts[0] else 1
     each = max(-(-(len(counts) - first) // HISTOGRAM_ROWS), 1)
     bins = [(low, min(low + each, len(counts))) for low in range(first, len(counts), each)]
@@ -162,13 +166,13 @@ def _histogram(figures: Figures) -> list[str]:
     number_width = max(len("pixels"), *(len(f"{count:,}") for count in pixels))
     lines = [f"{'layers':>{name_width}}  {'pixels':>{number_width}}"]
     for name, count in zip(names, pixels, strict=True):
-        bar = "#" * -(-count * HISTOGRAM_WIDTH // max(pixels))  # at least one, where there is any
+        bar = "#" * -(-count * HISTOGRAM_WIDTH // max(pixels))  # at least one character if there is any pixel
         lines.append(f"{name:>{name_width}}  {count:>{number_width},}  {bar}".rstrip())
     return lines
 
 
 def _two_digits(seconds: float) -> str:
-    """Two digits that mean something, without an exponent: 0.0093, 0.12, 4.7, 31, 2500."""
+    """Return two significant digits without an exponent: 0.0093, 0.12, 4.7, 31, 2500."""
     if seconds <= 0:
         return "0"
     place = max(-math.floor(math.log10(seconds)) + 1, 0)

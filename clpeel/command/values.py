@@ -1,4 +1,4 @@
-"""Values: the text of an option as what it means, or an error that argparse shows with the option's name."""
+"""Values: turns the text of an option into its value, or raises an error that argparse shows with the option's name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Reader = Callable[[str], object]
 
 
 def for_argparse(read: Reader) -> Reader:
-    """The reader with errors that argparse shows as they are."""
+    """Return the reader with its InputErrors turned into errors that argparse shows as they are."""
 
     def reader(text: str) -> object:
         try:
@@ -27,7 +27,7 @@ def for_argparse(read: Reader) -> Reader:
 
 
 def number(text: str) -> float:
-    """A finite number."""
+    """Read a finite number. Raises ArgumentTypeError, as all readers here do."""
     try:
         (value,) = read_numbers(text)
     except ValueError:
@@ -36,7 +36,7 @@ def number(text: str) -> float:
 
 
 def positive(text: str) -> float:
-    """A number above 0."""
+    """Read a number above 0."""
     value = number(text)
     if value <= 0:
         raise argparse.ArgumentTypeError(f"expected a number above 0, got '{text}'")
@@ -44,7 +44,7 @@ def positive(text: str) -> float:
 
 
 def vector(text: str) -> Vector:
-    """Three numbers."""
+    """Read three numbers."""
     try:
         x, y, z = read_numbers(text)
     except ValueError:
@@ -53,7 +53,7 @@ def vector(text: str) -> Vector:
 
 
 def direction(text: str) -> Vector:
-    """An axis such as `-Z`, or three numbers that are not all zero."""
+    """Read an axis such as `-Z`, or three numbers that are not all zero."""
     axis = re.fullmatch(r"([+-]?)([XYZxyz])", text)
     if axis:
         sign = -1.0 if axis[1] == "-" else 1.0
@@ -71,7 +71,7 @@ def direction(text: str) -> Vector:
 
 
 def clipping_range(text: str) -> tuple[float, float]:
-    """Two numbers."""
+    """Read two numbers."""
     try:
         near, far = read_numbers(text)
     except ValueError:
@@ -80,7 +80,7 @@ def clipping_range(text: str) -> tuple[float, float]:
 
 
 def resolution(text: str) -> tuple[int, int]:
-    """Width and height in pixels."""
+    """Read a width and a height in pixels, each 1..MAX_SIDE."""
     try:
         width, height = (int(part) for part in text.split(","))
     except ValueError:
@@ -91,7 +91,7 @@ def resolution(text: str) -> tuple[int, int]:
 
 
 def surface_color(text: str) -> object:
-    """As `color`, of what has an opacity too."""
+    """Read a colour as `color` does. If it has an alpha, the error also names --opacity."""
     try:
         return color(text)
     except argparse.ArgumentTypeError as error:
@@ -100,7 +100,7 @@ def surface_color(text: str) -> object:
 
 
 def counts(text: str) -> tuple[int, ...]:
-    """Whole numbers of 1 or more."""
+    """Read whole numbers of 1 or more, with commas between them."""
     try:
         return tuple(read_count(part) for part in text.split(","))
     except InputError:
@@ -108,7 +108,7 @@ def counts(text: str) -> tuple[int, ...]:
 
 
 def names(text: str) -> tuple[str, ...]:
-    """Words with commas between them."""
+    """Read words with commas between them."""
     return tuple(part.strip() for part in text.split(","))
 
 

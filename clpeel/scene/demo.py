@@ -159,7 +159,7 @@ def _copies(faces: Ints, vertices: int, count: int, color: ArrayLike) -> tuple[I
 
 
 def _geodesic_edges(divisions: int) -> Floats:
-    """Return the edges [m, 2, 3], between unit vectors, of an icosahedron with divided edges, projected on the sphere."""
+    """Return edges [m, 2, 3] of a divided icosahedron, as pairs of unit vectors on the sphere."""
     golden = (1 + 5**0.5) / 2
     corners = [(0.0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
     points = _unit(np.array([np.roll(corner, shift) for corner in corners for shift in range(3)]))

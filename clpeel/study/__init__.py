@@ -1,1 +1,1 @@
-"""Studies: pictures and counts set beside each other."""
+"""Studies: compare pictures with each other, and count layers."""

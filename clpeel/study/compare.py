@@ -1,4 +1,4 @@
-"""Comparing: every technique draws one view, timed and judged by what float64 makes of the same fragments."""
+"""Comparing: draws one view with every technique, times each, and compares each picture with a float64 one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, Blending
 
 MOST_FRAMES = 10_000
 HOST_BYTES = 8 * 4 * 3
-"""A pixel's, about: the truth and what it is made of, float64."""
+"""Host memory of a pixel, in bytes, approximately: the truth and the arrays it is computed from, all float64."""
 
 
 def compare(
@@ -50,15 +50,20 @@ def compare(
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Draws the view by every technique and compares the pictures with the truth, and the times with each other.
+    """Draw the view with every technique, and compare the pictures with the truth and the times with each other.
 
-    techniques: names in `clpeel.techniques.TECHNIQUES` of those that make this picture, not a map; all by default.
-    precisions: of the colour buffers; by default float32 and that of the technique's paper. budgets: numbers of
-    `passes` to stop after, of those that have the option, besides not stopping them. frames: how many are timed of each
-    row, after one that is not; rows take turns, so that a machine that slows down slows all. pictures: whether rows
-    keep `image` and `error`, which `to_html` shows. The others are as of `render`; there is one sample a pixel, and two
-    renderers, each of which keeps to `memory`. Raises InputError on any of these that cannot be, and Interrupted, a
-    KeyboardInterrupt with the rows that are finished, on Ctrl-C.
+    techniques: names in `clpeel.techniques.TECHNIQUES`; by default all that make this picture and not a map.
+    precisions: names of the precisions of the colour buffers; by default float32 and the one of the technique's paper.
+    budgets: numbers of `passes` to stop after. For techniques with that option, each budget adds a row to the one
+    without a limit.
+    frames: how many frames of each row are timed, after a first one that is not. The rows take turns, so that a machine
+    that slows down slows all rows alike.
+    pictures: whether rows keep `image` and `error`, which `to_html` needs.
+    All other parameters are those of `render`. There is one sample per pixel. There are two renderers, and each of them
+    keeps to `memory`.
+
+    Raises InputError if any of these is invalid. Raises Interrupted, a KeyboardInterrupt with the finished rows, on
+    Ctrl-C.
     """
     names, chosen_precisions = check_choice(techniques, precisions)
     limits = sorted({whole_number("budgets", budget, MAX_PASSES) for budget in budgets})
@@ -91,7 +96,7 @@ def compare(
 
 @dataclass
 class Trial:
-    """A row in the making: found is what its picture told, once there is one; seconds those of its frames."""
+    """A row that is not finished. found: what its picture showed, once it is drawn. seconds: the times of its frames."""
 
     technique: AnyTechnique
     options: dict[str, Any]
@@ -99,7 +104,7 @@ class Trial:
     seconds: list[float] = field(default_factory=list)
 
     def row(self) -> Row:
-        """The row, of what has been found so far."""
+        """Return the row with what has been measured so far."""
         return Row(
             technique=self.technique.name,
             precision=self.options.get("precision"),
@@ -111,12 +116,12 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """As of the row."""
+        """The same name as the row's."""
         return named(self.technique.name, self.options.get("precision"), self.options.get("passes"))
 
 
 def _chosen(name: str, values: Iterable[str] | None, known: Sequence[str]) -> list[str]:
-    """Those of the known that are among the values, in their own order; all for None. Raises InputError."""
+    """Return the known names that are among the values, in their known order. None means all. Raises InputError."""
     if isinstance(values, str):
         values = [values]
     asked = list(known) if values is None else list(values)
@@ -131,9 +136,10 @@ def _chosen(name: str, values: Iterable[str] | None, known: Sequence[str]) -> li
 def check_choice(
     techniques: Iterable[str] | None, precisions: Iterable[str] | None
 ) -> tuple[list[str], list[str] | None]:
-    """Those that `compare` takes of each, in the registry's order. Raises InputError where there is no such.
+    """Return the techniques and the precisions that `compare` will use, each in its registered order.
 
-    Of precisions None where none are asked for: each technique's own then, float32 and its paper's.
+    The precisions are None if none are asked for: then each technique uses its own, float32 and that of its paper.
+    Raises InputError if a name is not known, or if a list is empty.
     """
     comparable = [made.name for made in TECHNIQUES.values() if not made.maps]
     names = _chosen("techniques", techniques, comparable)
@@ -143,7 +149,10 @@ def check_choice(
 def trials_of(
     names: Iterable[str], precisions: Sequence[str] | None, budgets: Sequence[int]
 ) -> tuple[list[Trial], list[str]]:
-    """Techniques x precisions x budgets, each where the technique has that option; and notes of what it refuses."""
+    """Return the trials: techniques x precisions x budgets, where the technique has that option. Also return notes.
+
+    A note says why a technique refuses a budget.
+    """
     trials, notes = [], []
     for technique in map(TECHNIQUES.__getitem__, names):
         own: Sequence[str | None] = [None]
@@ -162,7 +171,7 @@ def trials_of(
 
 
 def refused(options: type[Options], passes: int) -> InputError | None:
-    """Why a technique cannot stop after so many passes, where it has a limit of its own."""
+    """Return why a technique cannot stop after so many passes, or None if it can. It may have a limit of its own."""
     (limit,) = (each for each in options_of(options) if each.name == "passes")
     try:
         limit.checked(passes)
@@ -181,8 +190,8 @@ def _with_rows(comparison: Comparison, trials: Iterable[Trial], notes: Iterable[
 class _Bench:
     """Two renderers of the view.
 
-    `judge` gives its memory back before each picture, so that it shows what each technique takes. With `clock` nothing
-    is allocated in a frame that is timed.
+    `judge` gives its memory back before each picture, so that it shows how much memory each technique takes. `clock`
+    keeps its memory, so that nothing is allocated in a timed frame.
     """
 
     def __init__(
@@ -212,7 +221,7 @@ class _Bench:
             self.progress((self.done + part) / self.steps, text)
 
     def _judged(self, text: str, technique: AnyTechnique, **options: Any) -> Result:
-        """A picture by the renderer that keeps nothing."""
+        """Draw a picture with the renderer that keeps no memory."""
         within = None if self.progress is None else lambda part, _: self._report(text, part)
         self.judge.gpu.release(*list(self.judge.gpu.buffers))
         result = self.judge.render(**self.view, technique=technique.name, progress=within, **options)
@@ -220,7 +229,7 @@ class _Bench:
         return result
 
     def truth(self) -> tuple[Comparison, list[str]]:
-        """The comparison without rows, and the notes of its picture."""
+        """Return the comparison without rows, and the notes of its picture."""
         exact = next(made for made in TECHNIQUES.values() if made.exact and made.sorts)
         result = self._judged("blending in float64", exact, layers=True)
         assert self.picture.over is not None
@@ -240,7 +249,10 @@ class _Bench:
         return comparison, [note for note in result.stats.notes if note not in scene.notes]
 
     def measure(self, trials: Sequence[Trial], comparison: Comparison, frames: int, pictures: bool) -> None:
-        """Judges a picture of each trial, and times its frames. Trials take turns after the first frame."""
+        """Measure the error of each trial's picture, and time its frames.
+
+        After the first frame, the trials take turns.
+        """
         right, right_image = shown(comparison.truth, comparison.background), comparison.truth_image()
         for trial in trials:
             result = self._judged(f"{trial.name}: its error", trial.technique, **trial.options)
@@ -255,7 +267,7 @@ class _Bench:
         self._report("done")
 
     def _time(self, trial: Trial, number: int, frames: int) -> None:
-        """Draws a frame; the one with the number 0 is not timed."""
+        """Draw one frame. Frame number 0 is not timed."""
         self._report(f"{trial.name}: frame {number} of {frames}")
         drawn = self.clock.render(**self.view, technique=trial.technique.name, keep_color=False, **trial.options)
         if number:
@@ -264,7 +276,7 @@ class _Bench:
 
 
 def true_colors(layers: Layers) -> NDArray[np.float64]:
-    """The layers, back to front, each over what is behind it: float64 [height, width, 4], premultiplied."""
+    """Blend the layers back to front in float64. Returns float64 [height, width, 4], premultiplied."""
     width, height = layers.size
     color = np.zeros((height * width, 4))
     count = np.diff(layers.start)
@@ -278,7 +290,7 @@ def true_colors(layers: Layers) -> NDArray[np.float64]:
 
 
 def flip_error(truth: NDArray[np.uint8], image: NDArray[np.uint8]) -> float | None:
-    """The mean of FLIP between two pictures [height, width, 4] in sRGB, or None without flip-evaluator."""
+    """Return the mean FLIP error between two sRGB pictures [height, width, 4]. None without flip-evaluator."""
     try:
         from flip_evaluator import evaluate
     except ImportError:
@@ -298,7 +310,7 @@ def judged(
     background: Rgb,
     pictures: bool,
 ) -> dict[str, Any]:
-    """Of a result, the figures of `Row` that one picture tells; right, right_image: the truth as it is shown."""
+    """Return the figures of `Row` that one picture shows. right, right_image: the truth as it is displayed."""
     stats = result.stats
     error = np.abs(shown(result.color, background) - right)
     error[np.isnan(error)] = 1

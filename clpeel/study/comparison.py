@@ -1,4 +1,4 @@
-"""A comparison: every technique on one view, beside what blending the same fragments in float64 gives."""
+"""A comparison: every technique on one view, compared with the same fragments blended in float64."""
 
 from __future__ import annotations
 
@@ -41,24 +41,28 @@ FIGURES = (
     "truncation_bound",
     "clamped_pixels",
 )
-"""Of a row, as files have them: fields and properties of `Row`."""
+"""The figures of a row that files contain: names of fields and properties of `Row`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A technique with its options, and how its picture and its frames have turned out.
+    """A technique with its options, and the measurements of its picture and its frames.
 
-    Errors are of red, green and blue, premultiplied over the background and clamped to 0..1 as the picture shows them,
-    before they are rounded to 8 bits; a number that is none (NaN) is off by 1. Shares are of the picture's pixels.
+    Errors are those of red, green and blue. These are premultiplied, over the background, clamped to 0..1 as the
+    picture shows them, and not yet rounded to 8 bits. A NaN counts as an error of 1. Shares are shares of the picture's
+    pixels.
 
-    precision: of the colour buffers. budget: the `passes` it was told to stop after, or None.
-    exact: whether the technique is, when nothing stops it. seconds: of each timed frame, from a scene on the device to
-    the picture on the host. passes: geometry passes, as the papers count them. bytes_per_pixel: what it keeps of a
-    sample. memory_bytes: all on the device but the picture. max_error, rms_error: of 1. psnr: dB, infinite where the
-    error is 0. share_above_1, share_above_8: pixels with a channel that is off by more than 1/255, 8/255. flip: the
-    mean of FLIP (Andersson et al. 2020) between the 8-bit pictures, 0 alike .. 1, or None where flip-evaluator is not
-    installed. truncated_pixels, truncation_bound, clamped_pixels: as of `Result.stats`. image: uint8 [height, width,
-    4], and error: float32 [height, width], the greatest of a pixel's channels; None unless pictures were asked for.
+    precision: the precision of the colour buffers. budget: the number of `passes` to stop after, or None.
+    exact: whether the technique is exact if nothing stops it. seconds: the time of each timed frame, from a scene on
+    the device to the picture on the host.
+    passes: geometry passes, as the papers count them. bytes_per_pixel: what the technique keeps per sample.
+    memory_bytes: all memory on the device except the picture.
+    max_error, rms_error: on a scale of 0..1. psnr: dB, infinite if the error is 0. share_above_1, share_above_8: the
+    share of pixels with a channel that is off by more than 1/255 or 8/255. flip: the mean of FLIP (Andersson et al.
+    2020) between the 8-bit pictures, from 0 (alike) to 1, or None if flip-evaluator is not installed.
+    truncated_pixels, truncation_bound, clamped_pixels: as in `Result.stats`.
+    image: uint8 [height, width, 4]. error: float32 [height, width], the greatest of a pixel's channels. Both are None
+    unless pictures were asked for.
     """
 
     technique: str
@@ -83,7 +87,7 @@ class Row:
 
     @property
     def name(self) -> str:
-        """The technique and what it was told: `weighted-sum, half`; `depth-peeling, passes 4`."""
+        """The technique with its options, such as `weighted-sum, half` or `depth-peeling, passes 4`."""
         return named(self.technique, self.precision, self.budget)
 
     @property
@@ -103,21 +107,21 @@ class Row:
 
     @property
     def frames(self) -> int:
-        """How many were timed."""
+        """The number of timed frames."""
         return len(self.seconds)
 
     def figures(self) -> dict[str, Any]:
-        """All FIGURES by name."""
+        """Return all FIGURES by name."""
         return {name: getattr(self, name) for name in FIGURES}
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Rows in the registry's order, and what they were compared on.
+    """Rows in the registry's order, and the view that they were compared on.
 
-    truth: float64 [height, width, 4], premultiplied, before the background: the layers of each pixel, whose colours are
-    float32, blended in float64. layers_max: most of them in a pixel; fragments: all that were blended. notes: what was
-    left out, and why.
+    truth: float64 [height, width, 4], premultiplied, without the background. It is made of the layers of each pixel:
+    their colours are float32, and they are blended in float64. layers_max: the most layers in a pixel. fragments: the
+    number of all fragments that were blended. notes: what was skipped, and why.
     """
 
     rows: list[Row]
@@ -139,13 +143,14 @@ class Comparison:
 
     @property
     def rounding(self) -> float:
-        """What blending so many layers in float32 may be off by: (3 N + 4) 2^-24, of 1."""
+        """The bound of the error of blending so many layers in float32: (3 N + 4) 2^-24, on a scale of 0..1."""
         return blending_bound(self.layers_max)
 
     def front(self) -> list[bool]:
-        """Of each row, whether no other is at once as fast and as near the truth, and better in one of these.
+        """Return for each row whether it is on the Pareto front of time and error.
 
-        By median time and RMS error; errors within `rounding` are all taken for none.
+        It is, unless another row is at least as fast and at least as near the truth, and better in one of the two. Time
+        is the median, and error the RMS error. Errors within `rounding` count as zero.
         """
         weighed = [(row.seconds_median, 0.0 if row.max_error <= self.rounding else row.rms_error) for row in self.rows]
         return [
@@ -154,17 +159,17 @@ class Comparison:
         ]
 
     def facts(self) -> dict[str, Any]:
-        """What was compared on, by name, without the rows."""
+        """Return what the rows were compared on, by name."""
         names = "background lighting opaque triangles fragments layers_max rounding device lanes notes".split()
         return {"size": self.size, **{name: getattr(self, name) for name in names}}
 
     def truth_image(self) -> NDArray[np.uint8]:
-        """The truth over the background: uint8 [height, width, 4], by the rule x 255 + 0.5."""
+        """Return the truth over the background: uint8 [height, width, 4], by the rule floor(x 255 + 0.5)."""
         levels = np.floor(shown(self.truth, self.background) * 255 + 0.5).astype(np.uint8)
         return np.concatenate([levels, np.full_like(levels[..., :1], 255)], axis=-1)
 
     def table(self) -> str:
-        """The rows as a table of text, and what it says."""
+        """Return the rows as a text table, followed by its legend."""
         front = self.front()
         lines = aligned(
             [
@@ -178,7 +183,7 @@ class Comparison:
         return "\n".join([*lines, "", *self.legend()])
 
     def legend(self) -> list[str]:
-        """What the table's numbers are, a line each."""
+        """Return what the table's numbers mean, one line each."""
         width, height = self.size
         return [
             f"truth: the same {self.fragments:,} fragments, at most {self.layers_max} in a pixel, blended in float64; "
@@ -191,7 +196,9 @@ class Comparison:
         ]
 
     def to_json(self) -> str:
-        """`facts`, and of each row its figures, `on_front` and the `seconds` of each frame; infinite ones are null."""
+        """Return JSON: `facts`, and each row's figures, `on_front` and `seconds` of each frame. Infinite numbers are
+        null.
+        """
         rows = [
             {**row.figures(), "on_front": on, "seconds": list(row.seconds)}
             for row, on in zip(self.rows, self.front(), strict=True)
@@ -201,7 +208,7 @@ class Comparison:
         return json.dumps({"format": 1, **self.facts(), "rows": rows}, indent=2, allow_nan=False) + "\n"
 
     def to_csv(self) -> str:
-        """A heading and a line for each row: FIGURES and `on_front`; what a row has not is empty."""
+        """Return CSV: a heading, and a line for each row with FIGURES and `on_front`. A missing figure is empty."""
         file = io.StringIO()
         writer = csv.DictWriter(file, [*FIGURES, "on_front"], lineterminator="\n")
         writer.writeheader()
@@ -210,9 +217,9 @@ class Comparison:
         return file.getvalue()
 
     def to_html(self, title: str = "clpeel compare") -> str:
-        """One page with all in it: the plot of time against error, the table, pictures and maps of errors.
+        """Return one HTML page with everything: the plot of time against error, the table, pictures and error maps.
 
-        Raises InputError where the comparison was made without pictures.
+        Raises InputError if the comparison was made without pictures.
         """
         from clpeel.study.page import page
 
@@ -220,7 +227,7 @@ class Comparison:
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a comparison; `comparison` has the rows that were finished, with as many frames as were timed."""
+    """Ctrl-C during a comparison. `comparison` has the finished rows, with as many frames as were timed."""
 
     def __init__(self, comparison: Comparison):
         super().__init__()
@@ -228,12 +235,12 @@ class Interrupted(KeyboardInterrupt):
 
 
 def named(technique: str, precision: str | None, budget: int | None) -> str:
-    """`Row.name`: float32 goes without saying."""
+    """Return `Row.name`. The default precision, float32, is not mentioned."""
     told = ["" if precision in (None, DEFAULT_PRECISION) else precision, "" if budget is None else f"passes {budget}"]
     return ", ".join([technique, *filter(None, told)])
 
 
 def shown(color: NDArray[np.floating], background: Sequence[float]) -> NDArray[np.float64]:
-    """Premultiplied RGBA [height, width, 4] over the background as a picture shows it: float64 [height, width, 3]."""
+    """Return premultiplied RGBA [height, width, 4] over the background, clamped as shown: float64 [height, width, 3]."""
     color = color.astype(np.float64)
     return np.clip(color[..., :3] + (1 - color[..., 3:]) * np.asarray(background, np.float64), 0, 1)

@@ -1,4 +1,4 @@
-"""Depth complexity: how many layers each pixel has, and what a picture of them would take, before it is drawn."""
+"""Depth complexity: counts the layers of each pixel, and estimates the cost of a picture before it is drawn."""
 
 from __future__ import annotations
 
@@ -30,25 +30,27 @@ from clpeel.techniques import TECHNIQUES, AnyTechnique
 from clpeel.techniques.technique import opaque_bytes
 
 PIXEL_BYTES = 4 + 4 + 4 + 1
-"""Of the host's memory: the counts as they come, the two maps, and a heat map."""
+"""Host memory of a pixel, in bytes: the counts as they come, the two maps, and a heat map."""
 
 SOON = 0.3
-"""Seconds: what is done sooner is done once more, as the first time also pays for memory that is new."""
+"""In seconds. A count that takes less than this is repeated, because the first one also pays for new memory."""
 
 STRIP_PIXELS = 1 << 20
-"""Pixels that are gone through at once, which bounds what that takes besides the maps."""
+"""The number of pixels that are processed at once. This bounds the memory that is needed besides the maps."""
 
 
 @dataclass(frozen=True)
 class Need:
-    """What a technique would need for the picture, with its own options left as they are.
+    """What a technique would need for the picture, with its own options at their defaults.
 
-    passes: geometry passes, as its paper counts them; peeling takes fewer where nothing more can be seen, as alphas
-    leave nothing through that float32 holds. bytes_per_pixel: what it keeps of a pixel, with what opaque
-    surfaces take where they come first. exact: whether it blends every layer in order. left_out: fragments that it
-    would not show, being behind all that it peels; None where it shows all or does not tell layers apart. seconds: of
-    the device, for one picture of a scene that it holds, kernels built: an estimate; None where its cost has not been
-    measured.
+    passes: geometry passes, as its paper counts them. Peeling may take fewer: it stops once the layers in front let no
+    light through that float32 can hold.
+    bytes_per_pixel: what it keeps per pixel, including what opaque surfaces take if they come first. exact: whether it
+    blends every layer in order.
+    left_out: how many fragments it would not show because they are behind all layers that it peels. None if it does not
+    sort layers.
+    seconds: estimated device time of one picture, once the scene is on the device and the kernels are built. None if
+    its cost has not been measured.
     """
 
     technique: str
@@ -61,13 +63,14 @@ class Need:
 
 @dataclass(frozen=True, eq=False)
 class Complexity:
-    """The layers of every pixel and what they would take.
+    """The layers of every pixel, and what each technique would need.
 
-    layers: int32 [height, width], row 0 on top: the transparent fragments in front of the opaque surface, or all where
-    opaque="blend". opaque: bool [height, width], where there is an opaque surface. needs: a row for each technique.
-    triangles: of the scene. seconds: what counting took, by the device's clock.
+    layers: int32 [height, width], row 0 on top. These are the transparent fragments in front of the opaque surface, or
+    all fragments if opaque="blend". opaque: bool [height, width], whether there is an opaque surface. needs: one entry
+    for each technique. triangles: of the scene. seconds: what counting took, by the device's clock.
 
-    Covered pixels are those with a layer or an opaque surface; figures are of these.
+    A pixel is covered if it has a layer or an opaque surface. The mean, the median and the percentiles are those of the
+    covered pixels.
     """
 
     layers: NDArray[np.int32]
@@ -78,31 +81,31 @@ class Complexity:
 
     @cached_property
     def histogram(self) -> NDArray[np.int64]:
-        """How many pixels, covered or not, have 0, 1, ... layers: int64 [max + 1]."""
+        """The number of pixels, covered or not, with 0, 1, ... layers: int64 [max + 1]."""
         flat, most = self.layers.reshape(-1), int(self.layers.max())
         parts = (flat[at : at + STRIP_PIXELS] for at in range(0, len(flat), STRIP_PIXELS))
         return sum((np.bincount(part, minlength=most + 1) for part in parts), np.zeros(most + 1, np.int64))
 
     @cached_property
     def covered_histogram(self) -> NDArray[np.int64]:
-        """The same of covered pixels alone: int64 [max + 1]."""
+        """The number of covered pixels with 0, 1, ... layers: int64 [max + 1]."""
         histogram = self.histogram.copy()
         histogram[0] = np.count_nonzero(self.opaque & (self.layers == 0))
         return histogram
 
     @property
     def fragments(self) -> int:
-        """All layers of all pixels."""
+        """The number of layers of all pixels together."""
         return int(self.histogram @ np.arange(len(self.histogram)))
 
     @property
     def covered(self) -> int:
-        """Pixels with a layer or an opaque surface."""
+        """The number of pixels with a layer or an opaque surface."""
         return int(self.covered_histogram.sum())
 
     @property
     def covered_share(self) -> float:
-        """Those, 0..1 of all."""
+        """The share of the pixels that are covered, 0..1."""
         return self.covered / self.layers.size
 
     @property
@@ -112,18 +115,18 @@ class Complexity:
 
     @property
     def mean(self) -> float:
-        """Layers of a covered pixel; 0 where there is none."""
+        """The mean number of layers of a covered pixel, or 0 if there is none."""
         return self.fragments / self.covered if self.covered else 0.0
 
     @property
     def median(self) -> int:
-        """The least number that at least half of the covered pixels do not exceed; 0 where there is none."""
+        """The least number of layers that at least half of the covered pixels do not exceed, or 0 if there is none."""
         return self.percentile(50)
 
     def percentile(self, percent: float) -> int:
-        """The least number of layers that at least so many percent of the covered pixels do not exceed.
+        """Return the least number of layers that at least so many percent of the covered pixels do not exceed.
 
-        Raises InputError for percents not in 0..100.
+        Returns 0 if no pixel is covered. Raises InputError for percents outside 0..100.
         """
         if not 0 <= percent <= 100:
             raise InputError(f"percent: expected 0..100, got {percent!r}")
@@ -133,7 +136,7 @@ class Complexity:
         return int(np.searchsorted(up_to, max(math.ceil(percent * self.covered / 100), 1)))
 
     def figures(self) -> dict[str, Any]:
-        """All but the maps, as numbers, lists and texts, such as JSON takes."""
+        """Return everything except the maps as numbers, lists and texts, ready for JSON."""
         height, width = self.layers.shape
         return {
             "size": [width, height],
@@ -152,10 +155,11 @@ class Complexity:
         }
 
     def image(self, background: Sequence[float] | str | None = (1, 1, 1), scale_bar: bool = True) -> NDArray[np.uint8]:
-        """The layers in colours, 0 to the most (at least 1), where a pixel is covered: uint8 [height, width, 4].
+        """Return a heat map: uint8 [height, width, 4]. Covered pixels have the colour of their number of layers.
 
-        background: 3 numbers 0..1, or None for a transparent one, else InputError. scale_bar: in the emptiest corner,
-        where there is room.
+        The colours range from 0 layers to the most layers (at least 1). background: 3 numbers 0..1, or None for a
+        transparent one; else raises InputError. scale_bar: whether to draw one into the emptiest corner, if there is
+        room.
         """
         over = checked_background(background)
         most = max(self.max, 1)
@@ -173,7 +177,7 @@ class Complexity:
         return image
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the heat map over white as a PNG, whole or not at all. Raises InputError where it cannot."""
+        """Write the heat map over white as a PNG, whole or not at all. Raises InputError if it cannot be written."""
         save_png(path, self.image())
 
 
@@ -189,12 +193,12 @@ def complexity(
     lanes: int | None = None,
     progress: Progress | None = None,
 ) -> Complexity:
-    """Counts the layers of every pixel, of one sample each, and says what each technique would need.
+    """Count the layers of every pixel, with one sample each, and estimate what each technique would need.
 
-    All are as for `render`: camera, by default `Camera.frame(scene)`; size: (width, height) in pixels; lighting, which
-    only makes estimates longer; opaque: "first" counts transparent fragments in front of opaque surfaces alone, "blend"
-    all; memory: bytes, or text such as "512M"; device, lanes; progress: called with the share done (0..1) and a text.
-    Raises InputError on any of these that cannot be.
+    The parameters are those of `render`. camera: by default `Camera.frame(scene)`. size: (width, height) in pixels.
+    lighting: affects the estimates of time only. opaque: "first" counts only the transparent fragments in front of
+    opaque surfaces, "blend" counts all fragments. memory: bytes, or text such as "512M". device, lanes. progress: is
+    called with the share that is done (0..1) and a text. Raises InputError if any of these is invalid.
     """
     renderer = Renderer(scene, device, lanes)
     picture = PictureOptions(size=size, lighting=lighting, opaque=opaque, memory=memory)
@@ -212,7 +216,7 @@ def complexity(
 
 
 def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progress: Progress | None) -> Counted:
-    """The layers of the view, with the least times of two counts where one is done SOON."""
+    """Return the counts of the view. If a count takes less than SOON, it is repeated and the least times are kept."""
     on_device = upload(renderer.gpu, renderer.scene)
     told = None if progress is None else lambda done: progress(done, "counting")
 
@@ -232,7 +236,7 @@ def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progre
 
 
 def left_out_by(technique: AnyTechnique, counted: Counted) -> int | None:
-    """Fragments behind all that it peels of their pixel; None where it does not tell layers apart."""
+    """Return how many fragments lie behind all layers that the technique peels, or None if it does not sort layers."""
     depth = technique.peeled(technique.options())
     if depth is None:
         return None
@@ -241,10 +245,10 @@ def left_out_by(technique: AnyTechnique, counted: Counted) -> int | None:
 
 
 def need_of(technique: AnyTechnique, counted: Counted, shaded: bool) -> Need:
-    """What the technique would need, with its own options left as they are."""
+    """Return what the technique would need, with its own options at their defaults."""
     options = technique.options()
     surfaces = counted.tiles.features.surfaces
-    # Some measure all surfaces, whatever their alphas; all others have nothing left to do where all is opaque.
+    # Some techniques treat opaque surfaces like all others. The rest have nothing to do if everything is opaque.
     deepest = int(counted.tiles.totals["all_layers" if technique.all_surfaces else "layers"].max())
     nothing = surfaces == "opaque" and not technique.all_surfaces
     first = opaque_bytes(options) if surfaces == "mixed" and not technique.all_surfaces else 0

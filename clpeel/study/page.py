@@ -1,6 +1,6 @@
-"""A comparison as one page of HTML that needs nothing else: plot, table, pictures and maps of their errors.
+"""A comparison as one self-contained HTML page: a plot, a table, pictures, and maps of their errors.
 
-Jinja2 fills the page in (templates/comparison.html). The plot and the scale are SVG, written here.
+Jinja2 fills in the template (templates/comparison.html). The plot and the colour scale are SVG, written here.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ if TYPE_CHECKING:
     from clpeel.study.comparison import Comparison, Row
 
 LEAST_STEP, MOST_STEP = 0.25, 255.0
-"""Steps of 8 bits that the first and the last colour of an error stand for; what is less cannot be seen: black."""
+"""The errors, in steps of 8 bits, that the first and the last colour stand for. Smaller errors are invisible, and so
+are drawn black."""
 
 
 @dataclass(frozen=True)
 class Card:
-    """A picture and its map of errors, uint8 [height, width, 4], and the rows that have both."""
+    """A picture and its map of errors, both uint8 [height, width, 4], and the names of the rows that share them."""
 
     rows: list[str]
     image: NDArray[np.uint8]
@@ -38,12 +39,12 @@ class Card:
 
     @property
     def names(self) -> str:
-        """The rows in one line."""
+        """The names of the rows in one line."""
         return "; ".join(self.rows)
 
 
 def page(comparison: Comparison, title: str) -> str:
-    """The whole page; well formed as XML, too. Raises InputError where the rows have no pictures."""
+    """Return the whole page, which is also well-formed XML. Raises InputError if the rows have no pictures."""
     if any(row.image is None or row.error is None for row in comparison.rows):
         raise InputError("pictures: expected a comparison made with pictures=True, got one without")
     from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -77,7 +78,7 @@ def _class(on_front: bool) -> str:
 
 
 def heat(error: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Errors of 1 [height, width] as colours, by their logarithm: uint8 [height, width, 4]."""
+    """Return errors [height, width], of 1, as colours on a logarithmic scale: uint8 [height, width, 4]."""
     steps = np.asarray(error, np.float64) / STEP
     place = np.log(np.maximum(steps, LEAST_STEP) / LEAST_STEP) / math.log(MOST_STEP / LEAST_STEP)
     colors = np.where((steps >= LEAST_STEP)[..., None], colors_at(place), 0.0)
@@ -85,7 +86,7 @@ def heat(error: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def cards(comparison: Comparison) -> list[Card]:
-    """A card for each picture and map of errors, with the names of all rows that have these."""
+    """Return one card for each distinct pair of picture and error map, with the names of all rows that have it."""
     groups: dict[tuple[bytes, bytes], list[Row]] = {}
     for row in comparison.rows:
         assert row.image is not None and row.error is not None
@@ -104,7 +105,7 @@ def _steps(steps: float) -> str:
 
 
 def scale() -> str:
-    """Which colour of a map is how many steps."""
+    """Return an SVG that shows which colour of an error map stands for how many steps."""
     left, bar = 90, 420
     parts = [
         f"<rect x='0' y='4' width='{left - 14}' height='16' fill='#000'/>"
@@ -124,7 +125,7 @@ def scale() -> str:
 
 @dataclass(frozen=True)
 class Axis:
-    """Numbers to places along a line, by their logarithm."""
+    """Maps numbers to places along a line, on a logarithmic scale."""
 
     low: float
     high: float
@@ -132,7 +133,7 @@ class Axis:
     end: float
 
     def at(self, value: float) -> float:
-        """The place; of what lies outside, the nearer end."""
+        """Return the place of a value. A value outside the axis is put at the nearer end."""
         value = min(max(value, self.low), self.high)
         return self.start + (self.end - self.start) * math.log(value / self.low) / math.log(self.high / self.low)
 
@@ -140,11 +141,11 @@ class Axis:
 WIDTH, HEIGHT = 960, 560
 LEFT, RIGHT, TOP, BOTTOM = 70, 24, 20, 46
 CHARACTER, LINE = 7.6, 15
-"""Of a label at most, in the plot's units: the mean of its letters in bold, and a line's height."""
+"""The most space of a label, in the plot's units: the mean width of a bold letter, and the height of a line."""
 
 
 def plot(comparison: Comparison) -> str:
-    """Time against RMS error, both logarithmic, with the front: an SVG."""
+    """Return an SVG of time against RMS error, both on logarithmic scales, with the Pareto front."""
     rows, front = comparison.rows, comparison.front()
     errors = [row.rms_error for row in rows if row.rms_error > 0] or [1e-8]
     x = Axis(
@@ -160,7 +161,7 @@ def plot(comparison: Comparison) -> str:
     parts.append(_front(points, front))
     labels = place_labels(points, [row.name for row in rows], front)
     lines, marks = [], []
-    # What is on the front is drawn last, over the others, and words over all lines.
+    # Rows on the front are drawn last, over the others. Words are drawn over all lines.
     for k in sorted(range(len(rows)), key=lambda k: front[k]):
         row, (px, py), (lx, ly) = rows[k], points[k], labels[k]
         about = f"{row.name}: {milliseconds(row.seconds_median)} ms, RMS {error_text(row.rms_error)}"
@@ -180,7 +181,7 @@ def plot(comparison: Comparison) -> str:
 
 
 def _grid(x: Axis, y: Axis) -> list[str]:
-    """Lines and numbers at 1, 2 and 5 times powers of ten of milliseconds, and at powers of ten of errors."""
+    """Return lines and numbers at 1, 2 and 5 times powers of ten of milliseconds, and at powers of ten of errors."""
     parts = []
     for power in range(math.floor(math.log10(1e3 * x.low)), math.ceil(math.log10(1e3 * x.high)) + 1):
         for factor in (1, 2, 5):
@@ -193,7 +194,7 @@ def _grid(x: Axis, y: Axis) -> list[str]:
                 )
     for power in range(round(math.log10(y.low)), round(math.log10(y.high)) + 1):
         at = y.at(10.0**power)
-        # The lowest line is where those without any error are.
+        # The lowest line stands for rows without any error.
         label = "0" if power == round(math.log10(y.low)) else f"1e{power}" if power else "1"
         parts.append(
             f"<line class='grid' x1='{LEFT}' y1='{at:.1f}' x2='{WIDTH - RIGHT}' y2='{at:.1f}'/>"
@@ -209,7 +210,7 @@ def _grid(x: Axis, y: Axis) -> list[str]:
 
 
 def _steps_line(x: Axis, y: Axis, comparison: Comparison) -> str:
-    """Where the error is one step of 8 bits."""
+    """Return a line at an error of one step of 8 bits."""
     at = y.at(STEP)
     return (
         f"<line class='eye' x1='{x.start}' y1='{at:.1f}' x2='{x.end}' y2='{at:.1f}'/>"
@@ -218,7 +219,7 @@ def _steps_line(x: Axis, y: Axis, comparison: Comparison) -> str:
 
 
 def _front(points: Sequence[tuple[float, float]], front: Sequence[bool]) -> str:
-    """The stairs that no point lies below: right at the same error, then down."""
+    """Return the staircase below which no point lies. Each stair goes right at the same error, then down."""
     on = sorted(point for point, is_on in zip(points, front, strict=True) if is_on)
     if not on:
         return ""
@@ -231,7 +232,7 @@ def _front(points: Sequence[tuple[float, float]], front: Sequence[bool]) -> str:
 def place_labels(
     points: Sequence[tuple[float, float]], names: Sequence[str], front: Sequence[bool]
 ) -> list[tuple[float, float]]:
-    """Where each label begins, on its baseline: beside its point, or near it where it meets no point and no label."""
+    """Return where each label begins, on its baseline: beside its point, or near it where it overlaps nothing."""
     boxes = [(px - 6, py - 6, px + 6, py + 6) for px, py in points]
     places: list[tuple[float, float]] = [(0.0, 0.0)] * len(points)
     for k in sorted(range(len(points)), key=lambda k: (not front[k], points[k])):

@@ -1,4 +1,4 @@
-"""Tables: numbers of a comparison as texts, and texts as aligned columns."""
+"""Tables: formats the numbers of a comparison, and aligns columns of text."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ if TYPE_CHECKING:
 
 
 def milliseconds(seconds: float) -> str:
-    """Three digits or more."""
+    """Return the time in milliseconds with three digits or more."""
     value = 1000 * seconds
     return f"{value:.2f}" if value < 10 else f"{value:.1f}" if value < 100 else f"{value:.0f}"
 
 
 def share(value: float) -> str:
-    """A share 0..1 in percent."""
+    """Return a share 0..1 as a percentage."""
     return "0" if value == 0 else "<.01%" if value < 5e-5 else f"{value:.2%}" if value < 0.0995 else f"{value:.1%}"
 
 
 def error_text(value: float) -> str:
-    """Two digits."""
+    """Return an error with two digits."""
     return "0" if value == 0 else f"{value:.1e}"
 
 
@@ -38,11 +38,14 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
     (">8/255", lambda row: share(row.share_above_8)),
     ("FLIP", lambda row: "-" if row.flip is None else error_text(row.flip) if row.flip < 5e-5 else f"{row.flip:.4f}"),
 )
-"""Headings and cells of the tables, after the row's name."""
+"""Headings and cells of the tables, after the column with the row's name."""
 
 
 def aligned(cells: Sequence[Sequence[str]]) -> list[str]:
-    """Rows of cells, the first to the left, the others to the right, a space apart: wide names and all fit 120."""
+    """Return rows of cells as lines. The first column is left-aligned, the others right-aligned, one space apart.
+
+    With so little space, even the widest names fit in 120 characters.
+    """
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [
         " ".join([f"{row[0]:<{widths[0]}}", *(f"{text:>{n}}" for text, n in zip(row[1:], widths[1:], strict=True))])
