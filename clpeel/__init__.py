@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Imported when first asked for: `clpeel --help` needs neither NumPy nor OpenCL.
+# Modules are imported when a name is first used, because `clpeel --help` needs neither NumPy nor OpenCL.
 _HOMES = {
     "Camera": "clpeel.scene.camera",
     "ClpeelError": "clpeel.errors",

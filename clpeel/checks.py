@@ -1,6 +1,6 @@
-"""Checks: what a user gives, as the value that the code works with, or an InputError of one line.
+"""Checks: converts a user's value to the value that the code uses, or raises an InputError of one line.
 
-Everything here can be imported without NumPy, so that the command's help and its errors come at once.
+Everything here can be imported without NumPy, so that the command's help and its errors appear at once.
 """
 
 from __future__ import annotations
@@ -13,30 +13,30 @@ from clpeel.color import parse_color
 from clpeel.errors import InputError
 
 MAX_SIDE = 1 << 16
-"""The most pixels on a side of a picture; half of it lies inside the rasterizer's guard band."""
+"""The most pixels on a side of a picture. Half of it lies inside the rasterizer's guard band."""
 
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
-"""The axes by their letters."""
+"""The unit vectors of the axes, by letter."""
 
 MIN_MEMORY = 1 << 20
-"""The fewest bytes that a render may be given, and that fragments get however little of a budget is left."""
+"""The fewest bytes of memory that a render may be given. Fragments get at least as many, however little is left."""
 
 Rgb = tuple[float, float, float]
 
 
 def one_of(name: str, value: object, known: Iterable[object]) -> None:
-    """Raises InputError where value is not one of the known ones."""
+    """Raise InputError unless value is one of the known values."""
     known = tuple(known)
     try:
         found = value in known
-    except ValueError:  # an array is equal to nothing as a whole
+    except ValueError:  # comparing an array as a whole raises this
         found = False
     if not found:
         raise InputError(f"{name}: expected one of {', '.join(map(str, known))}; got {value!r}")
 
 
 def number(value: object) -> float:
-    """The value as a float, and NaN where it is none."""
+    """Return the value as a float, or NaN if it is not a number."""
     try:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
@@ -44,7 +44,7 @@ def number(value: object) -> float:
 
 
 def whole_number(name: str, value: object, most: int, least: int = 1) -> int:
-    """The value as a whole number least..most, or InputError."""
+    """Return the value as a whole number least..most, or raise InputError."""
     try:
         whole = int(value)  # type: ignore[call-overload]
     except (TypeError, ValueError, OverflowError):
@@ -55,14 +55,14 @@ def whole_number(name: str, value: object, most: int, least: int = 1) -> int:
 
 
 def true_or_false(name: str, value: object, hint: str = "") -> bool:
-    """The value as a bool, or InputError. hint: what else may have been meant."""
+    """Return the value as a bool, or raise InputError. hint: added to the error, to say what else may have been meant."""
     if type(value).__name__ not in ("bool", "bool_") and value not in (0, 1):
         raise InputError(f"{name}: expected True or False, got {value!r}{hint}")
     return bool(value)
 
 
 def share(name: str, value: object) -> float:
-    """The value as a float 0..1, or InputError."""
+    """Return the value as a float 0..1, or raise InputError."""
     found = number(value)
     if not 0 <= found <= 1:
         raise InputError(f"{name}: expected 0..1, got {value!r}")
@@ -70,7 +70,7 @@ def share(name: str, value: object) -> float:
 
 
 def not_negative(name: str, value: object, what: str) -> float:
-    """The value as a finite float of 0 or more, or InputError. what: the number that is expected, in words."""
+    """Return the value as a finite float of 0 or more, or raise InputError. what: the expected number, in words."""
     found = number(value)
     if not 0 <= found < math.inf:
         raise InputError(f"{name}: expected {what}, got {value!r}")
@@ -78,7 +78,7 @@ def not_negative(name: str, value: object, what: str) -> float:
 
 
 def number_range(name: str, value: object) -> tuple[float, float]:
-    """The value as (low, high) with 0 <= low < high, or InputError."""
+    """Return the value as (low, high) with 0 <= low < high, or raise InputError."""
     try:
         low, high = (float(part) for part in value)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
@@ -89,7 +89,10 @@ def number_range(name: str, value: object) -> tuple[float, float]:
 
 
 def checked_rgb(name: str, value: object, or_none: str = "") -> Rgb:
-    """The value, numbers or text such as "red", as three numbers 0..1, or InputError. or_none: what else it may be."""
+    """Return a colour as three numbers 0..1, or raise InputError.
+
+    value: numbers, or text such as "red". or_none: words for the error that say what else the value may be.
+    """
     numbers: object = value
     if isinstance(value, str):
         try:
@@ -106,12 +109,12 @@ def checked_rgb(name: str, value: object, or_none: str = "") -> Rgb:
 
 
 def checked_background(background: Sequence[float] | str | None) -> Rgb | None:
-    """Three numbers 0..1, of text such as "white" too, or None; or InputError."""
+    """Return three numbers 0..1 or None, or raise InputError. The background may be text such as "white"."""
     return None if background is None else checked_rgb("background", background, " or None")
 
 
 def checked_size(size: Sequence[int]) -> tuple[int, int]:
-    """(width, height), each 1..MAX_SIDE, or InputError."""
+    """Return (width, height), each 1..MAX_SIDE, or raise InputError."""
     try:
         width, height = (int(side) if int(side) == side else -1 for side in size)
     except (TypeError, ValueError, OverflowError):
@@ -122,7 +125,7 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
 
 
 def parse_memory(memory: int | str) -> int:
-    """Bytes from a number or from text such as "512M" or "2G" (powers of 1024), or InputError."""
+    """Return bytes from a number or from text such as "512M" or "2G" (powers of 1024), or raise InputError."""
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", str(memory), re.IGNORECASE)
     if not match:
         raise InputError(f"memory: expected bytes or a size such as 512M, got {memory!r}")

@@ -1,4 +1,4 @@
-"""Colours as they are written, on the command line and in Python: a name, #rrggbb or numbers with commas."""
+"""Colours in text, on the command line and in Python: a name, #rrggbb, or numbers with commas."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from clpeel.errors import InputError
 
 
 def parse_color(text: str, alpha: bool = False) -> tuple[float, ...]:
-    """`steelblue`, `#rrggbb` or `R,G,B` as three numbers 0..1; with `alpha`, also `#rrggbbaa` or `R,G,B,A` as four.
+    """Return `steelblue`, `#rrggbb` or `R,G,B` as three numbers 0..1.
 
-    Raises InputError, which leaves it to the caller to say of what the colour is.
+    alpha: also accept `#rrggbbaa` and `R,G,B,A`, which give four numbers. Raises InputError. Its text does not say what
+    the colour is for, so the caller adds that.
     """
     wrong = f"expected R,G,B in 0..1, #rrggbb or a colour name, got '{text}'"
     try:
@@ -28,7 +29,7 @@ def parse_color(text: str, alpha: bool = False) -> tuple[float, ...]:
 
 
 def _hint(text: str) -> str:
-    """The name that was meant, perhaps."""
+    """Return a hint with the colour name that was probably meant, or no text."""
     import difflib
 
     from PIL import ImageColor

@@ -1,8 +1,8 @@
-"""The errors a user can meet: each is one line that says what was expected, what came and what to do."""
+"""The errors that a user may meet. Each is one line that says what was expected, what was given and what to do."""
 
 
 class ClpeelError(Exception):
-    """Base of every error that clpeel raises on purpose; `exit_code` is the command's."""
+    """Base of every error that clpeel raises on purpose. `exit_code` is the exit code of the command."""
 
     exit_code = 2
 
@@ -18,6 +18,6 @@ class NoDeviceError(ClpeelError, RuntimeError):
 
 
 class DeviceError(ClpeelError, RuntimeError):
-    """There is a device, but this process, or this machine as it is now, cannot compute on it."""
+    """There is a device, but this process cannot compute on it, or this machine cannot in its present state."""
 
     exit_code = 1

@@ -1,6 +1,6 @@
-"""Files that are written: where they may be, and whole or not at all, whatever ends the process meanwhile.
+"""Output files: checks where they may be, and writes them whole or not at all, however the process ends.
 
-Imports nothing heavy: the command checks its outputs before anything else.
+This imports nothing heavy, because the command checks its outputs before anything else.
 """
 
 from __future__ import annotations
@@ -17,17 +17,20 @@ from typing import IO
 from clpeel.errors import InputError
 
 _PART = re.compile(r"\.clpeel-[0-9a-f]{16}\.part")
-"""Names of what is not whole yet. They are short, so that whatever name a file may have, its part may too."""
+"""The names of unfinished files and folders ("parts"). They are short, so that a part's name fits wherever the file's
+does."""
 
 
 # --- where they may be ------------------------------------------------------------------------------------------------
 
 
 def checked_file(path: str | os.PathLike[str], name: str = "output", suffix: str = "") -> str:
-    """The file to write, links resolved; refuses, before any work, one that could not be.
+    """Return the path of the file to write, with links resolved.
 
-    name: what errors call it. suffix: the only one that the file's name may have; it may have none. What is neither a
-    file nor a folder, such as a pipe, stays as it is. Raises InputError.
+    Raises InputError, before any work, if it cannot be written.
+
+    name: what errors call it. suffix: the only suffix that the file's name may have, though it may have none. A path
+    that is neither a file nor a folder, such as a pipe, is returned unchanged.
     """
     given, target, kind = _resolved(path, name, "a file name")
     ending = os.path.splitext(given)[1]
@@ -45,9 +48,9 @@ def checked_file(path: str | os.PathLike[str], name: str = "output", suffix: str
 
 
 def checked_folder(path: str | os.PathLike[str], name: str = "output") -> str:
-    """The folder to write into, there or not, links resolved; refuses, before any work, one that could not be.
+    """Return the path of the folder to write into, with links resolved. The folder need not exist.
 
-    name: what errors call it. Raises InputError.
+    Raises InputError, before any work, if it cannot be written. name: what errors call it.
     """
     given, target, kind = _resolved(path, name, "a folder")
     if kind not in (0, stat.S_IFDIR):
@@ -57,7 +60,10 @@ def checked_folder(path: str | os.PathLike[str], name: str = "output") -> str:
 
 
 def _resolved(path: str | os.PathLike[str], name: str, wanted: str) -> tuple[str, str, int]:
-    """The path as text and with its links resolved, and what kind of file is there: one of stat.S_IF..., or 0."""
+    """Return the path as text, the path with links resolved, and the kind of file there: one of stat.S_IF..., or 0.
+
+    Raises InputError.
+    """
     try:
         given = os.fsdecode(path)
     except TypeError:
@@ -68,13 +74,13 @@ def _resolved(path: str | os.PathLike[str], name: str, wanted: str) -> tuple[str
         kind = stat.S_IFMT(os.stat(given).st_mode)
     except FileNotFoundError:
         kind = 0
-    except (OSError, ValueError) as error:  # a name that is too long, links in a circle, a zero byte
+    except (OSError, ValueError) as error:  # a name that is too long, a loop of links, or a zero byte
         raise InputError(f"{name}: cannot write '{given}': {getattr(error, 'strerror', None) or error}") from None
     return given, os.path.realpath(given), kind
 
 
 def _check_place(folder: str, name: str) -> None:
-    """InputError where no file can be made in the folder."""
+    """Raise InputError if no file can be made in the folder."""
     if not os.path.isdir(folder):
         raise InputError(f"{name}: the folder '{folder}' does not exist; create it first")
     if not os.access(folder, os.W_OK | os.X_OK):
@@ -85,28 +91,29 @@ def _check_place(folder: str, name: str) -> None:
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | Callable[[IO[bytes]], object], suffix: str = "") -> None:
-    """Writes a file so that it is there whole or as it was; where the path is a link, what it points to.
+    """Write a file so that afterwards it is either complete or as it was. If the path is a link, its target is written.
 
-    data: the file's bytes, or what writes them to an open file, more than once where that is needed. suffix: the only
-    one that the file's name may have; it may have none. Raises InputError when the place cannot be written.
+    data: the file's bytes, or a function that writes them to an open file. The function may be called more than once.
+    suffix: the only suffix that the file's name may have, though it may have none. Raises InputError if the place
+    cannot be written.
     """
     target = checked_file(path, suffix=suffix)
     with _told(path):
-        if os.path.exists(target) and not os.path.isfile(target):  # a device or pipe: nothing to replace
+        if os.path.exists(target) and not os.path.isfile(target):  # a device or a pipe cannot be replaced
             with open(target, "wb") as file:
                 _write(file, data)
             return
         part = _new_part(os.path.dirname(target))
         try:
             _replace(target, part, data, unnamed=True)
-        except OSError:  # also where the system or the file system has no files without a name
+        except OSError:  # among others, if the system or the file system has no unnamed files
             _replace(target, part, data, unnamed=False)
 
 
 def _replace(target: str, part: str, data: bytes | Callable[[IO[bytes]], object], unnamed: bool) -> None:
-    """Writes the data to `part`, a neighbour of the target, and renames that over it.
+    """Write the data to `part`, in the target's folder, and then rename it to the target.
 
-    unnamed: the part gets its name only once it is whole; until then it vanishes with the process.
+    unnamed: the part gets its name only once it is complete. Until then it vanishes if the process ends.
     """
     if unnamed:
         descriptor = os.open(os.path.dirname(part), getattr(os, "O_TMPFILE", 0) | os.O_WRONLY, 0o666)
@@ -116,10 +123,12 @@ def _replace(target: str, part: str, data: bytes | Callable[[IO[bytes]], object]
     try:
         with os.fdopen(descriptor, "wb") as file:
             _write(file, data)
-        # Closed: a file system over a network tells only now that it is full. `held` still holds the lock.
+        # The file is closed first, because a network file system reports only then that it is full. `held` keeps the
+        # lock.
         if unnamed:
             _lock(held)
-            # src_dir_fd, which means nothing to an absolute path, makes Python call linkat: link follows no links.
+            # An absolute path ignores src_dir_fd, but it makes Python call linkat, which follows links. Plain link does
+            # not.
             os.link(f"/proc/self/fd/{held}", part, src_dir_fd=held)
         if os.path.exists(target):
             os.chmod(part, os.stat(target).st_mode & 0o777)
@@ -138,15 +147,17 @@ def _write(file: IO[bytes], data: bytes | Callable[[IO[bytes]], object]) -> None
 
 @contextlib.contextmanager
 def whole_folder(path: str | os.PathLike[str], earlier: str) -> Iterator[Path]:
-    """A folder to write files into, which move to the folder `path` at the end; none do where anything goes wrong.
+    """Give a folder to write files into.
 
-    path is made if it is missing. earlier: a pattern of the names of files that an earlier run may have left there:
-    those that are not written anew are removed, and all others left alone. Raises InputError when the place cannot be
-    written.
+    At the end they move to the folder `path`. If anything fails, none of them move.
+
+    path is created if it is missing. earlier: a pattern of the names of files that an earlier run may have left there.
+    Those that are not written again are removed, and all other files are left alone. Raises InputError if the place
+    cannot be written.
     """
     target = checked_folder(path)
     exists = os.path.isdir(target)
-    # Within the folder, or where that is to be: the same file system, so that moving is renaming.
+    # The part is inside the folder, or next to it if it does not exist: on the same file system, moving is renaming.
     part = _new_part(target if exists else os.path.dirname(target))
     held: int | None = None
     try:
@@ -172,7 +183,7 @@ def whole_folder(path: str | os.PathLike[str], earlier: str) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _told(path: str | os.PathLike[str]) -> Iterator[None]:
-    """What the system refuses becomes an InputError."""
+    """Turn the system's errors into InputErrors."""
     try:
         yield
     except OSError as error:
@@ -183,7 +194,7 @@ def _told(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def _new_part(folder: str) -> str:
-    """A name for what is not whole yet. Parts in the folder that no running process holds are removed."""
+    """Return a name for a new part in the folder. Parts there that no running process has locked are removed."""
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):
             if _PART.fullmatch(name):
@@ -192,7 +203,7 @@ def _new_part(folder: str) -> str:
 
 
 def _remove_left(part: str) -> None:
-    """Removes a part, unless a running process holds it, or nobody can tell."""
+    """Remove a part, unless a running process has locked it, or locks do not work."""
     try:
         descriptor = os.open(part, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     except OSError:
@@ -205,23 +216,23 @@ def _remove_left(part: str) -> None:
 
 
 def _new_folder(part: str) -> int:
-    """Makes a folder, and opens it."""
+    """Make a folder and open it. Returns the descriptor."""
     os.mkdir(part)
     return os.open(part, os.O_RDONLY)
 
 
 def _held(part: str, make: Callable[[], int]) -> int:
-    """Makes the part and locks it, which says that it is in use; returns its descriptor."""
+    """Make a part and lock it, which shows other processes that it is in use. Returns its descriptor."""
     while True:
         descriptor = make()
         _lock(descriptor, wait=True)
         if os.path.lexists(part):
             return descriptor
-        os.close(descriptor)  # another process saw it before it was locked, and removed it
+        os.close(descriptor)  # another process found it before it was locked, and removed it
 
 
 def _lock(descriptor: int, wait: bool = False) -> bool:
-    """Locks a file until it is closed; whether that could be done: some systems and file systems have no locks."""
+    """Lock a file until it is closed. Returns whether that worked, as some systems and file systems have no locks."""
     try:
         import fcntl
 
@@ -232,7 +243,7 @@ def _lock(descriptor: int, wait: bool = False) -> bool:
 
 
 def _remove(part: str) -> None:
-    """Removes a file or a folder, if it is there."""
+    """Remove a file or a folder, if it exists."""
     try:
         os.unlink(part)
     except OSError:
@@ -243,7 +254,7 @@ def _remove(part: str) -> None:
 
 
 def open_at_once(path: str, flags: int) -> int:
-    """What `open` takes as its opener, to wait for nobody: a file that another names may be a pipe."""
+    """An opener for `open` that never blocks. A file that another file names may be a pipe."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
@@ -251,7 +262,10 @@ def open_at_once(path: str, flags: int) -> int:
 
 
 def held_folder(within: str) -> str:
-    """Makes a folder that no other user can enter; once this process has ended, however, `within` is swept of it."""
+    """Make a folder in `within` that no other user can enter, and return its path.
+
+    It is locked while this process runs. However the process ends, the next call for `within` then removes the folder.
+    """
     part = _new_part(within)
 
     def make() -> int:

@@ -1,8 +1,8 @@
-"""Options: a field of a frozen dataclass says all that is known of one.
+"""Options: a field of a frozen dataclass holds everything that is known of one option.
 
-From its type, default, check and line of help come the checks of Python's callers and their errors, the command's flags
-and help, `clpeel techniques`, the table in README.md, the keyword types for editors (rendering/keywords.py), and the
-keys of what was measured. Nothing here needs NumPy.
+Its type, default, check and line of help give the checks and errors for Python callers, the command's flags and help,
+`clpeel techniques`, the table in README.md, the keyword types for editors (rendering/keywords.py), and the keys of the
+measurements. Nothing here needs NumPy.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from clpeel.errors import InputError
 T = TypeVar("T")
 
 Check = Callable[[str, object], object]
-"""(name, value) to the value as the code wants it, or InputError."""
+"""Takes (name, value) and returns the value as the code uses it, or raises InputError."""
 
 Parse = Callable[[str], object]
-"""The text of a flag to a value, or InputError without the flag's name."""
+"""Turns the text of a flag into a value, or raises an InputError without the flag's name."""
 
 _KEY = "option"
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What sort of value an option has: how it is checked, and how the command reads and shows it."""
+    """The kind of value that an option has: how it is checked, and how the command reads and shows it."""
 
     check: Check
     parse: Parse = str
@@ -42,7 +42,8 @@ class Kind:
 class Option:
     """What is known of one field.
 
-    annotation: its type. flag: the command's, such as `--passes`. kind: None for a switch, whose flag takes no value.
+    annotation: its type. flag: the command's flag, such as `--passes`. kind: None for a switch, whose flag takes no
+    value.
     """
 
     name: str
@@ -54,16 +55,16 @@ class Option:
 
     @property
     def flag_help(self) -> str:
-        """The line of help for the flag: of a switch that is on by default, the flag turns it off."""
+        """The line of help for the flag. If a switch is on by default, its flag turns it off."""
         return f"do not {self.help}" if self.default is True else self.help
 
     @property
     def choices(self) -> tuple[str | int, ...]:
-        """The values of a Literal; none for other types."""
+        """The values of a Literal, or no values for other types."""
         return _choices(self.annotation)
 
     def checked(self, value: object) -> object:
-        """The value as the code wants it, or InputError. None passes where it is the default."""
+        """Return the value as the code uses it, or raise InputError. None is accepted if it is the default."""
         if value is None and self.default is None:
             return None
         if self.choices:
@@ -73,17 +74,17 @@ class Option:
 
 
 def option(default: T, kind: Kind | None = None, *, help: str, flag: str = "") -> T:
-    """A field of an Options class.
+    """Define a field of an Options class.
 
-    kind: needed by all but switches (bool) and choices (Literal), whose types say enough. flag: where it is not the
-    name's own: `--the-name`, or `--no-the-name` for a switch that is on by default.
+    kind: required, except for switches (bool) and choices (Literal), whose types are enough. flag: by default it is
+    `--the-name`, or `--no-the-name` for a switch that is on by default.
     """
     return dataclasses.field(default=default, metadata={_KEY: (kind, help, flag)})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Base of all options: values are checked as they come in. Raises InputError on one that cannot be."""
+    """Base of all options. Values are checked on construction. Raises InputError if one is invalid."""
 
     def __post_init__(self) -> None:
         for each in options_of(type(self)):
@@ -91,10 +92,10 @@ class Options:
         self.check_together()
 
     def check_together(self) -> None:
-        """Raises InputError where two values, each of them right, do not go together."""
+        """Raise InputError if two values, each of them valid, do not go together."""
 
     def given(self) -> Iterator[tuple[str, object]]:
-        """Names and values of those that differ from their defaults, in the order of the fields."""
+        """Yield the names and values of options that differ from their defaults, in the order of the fields."""
         for each in options_of(type(self)):
             value = getattr(self, each.name)
             if value != each.default:
@@ -105,7 +106,7 @@ _FOUND: dict[type[Options], tuple[Option, ...]] = {}
 
 
 def options_of(owner: type[Options]) -> tuple[Option, ...]:
-    """The options of a class, its base classes' first."""
+    """Return the options of a class. Those of its base classes come first."""
     if owner not in _FOUND:
         _FOUND[owner] = tuple(_read_fields(owner))
     return _FOUND[owner]
@@ -139,12 +140,12 @@ def _choices(annotation: object) -> tuple[str | int, ...]:
 
 
 def count(most: int) -> Kind:
-    """A whole number 1..most."""
+    """Return the kind of a whole number 1..most."""
     return Kind(lambda name, value: checks.whole_number(name, value, most), read_count, "N")
 
 
 def read_count(text: str) -> int:
-    """A whole number of 1 or more, or InputError."""
+    """Read a whole number of 1 or more, or raise InputError."""
     try:
         value = int(text)
     except ValueError:
@@ -155,7 +156,7 @@ def read_count(text: str) -> int:
 
 
 def read_numbers(text: str) -> list[float]:
-    """Finite numbers with commas between them; raises ValueError."""
+    """Read finite numbers with commas between them. Raises ValueError."""
     values = [float(part) for part in text.split(",")]
     if not all(abs(value) < float("inf") for value in values):
         raise ValueError(text)
@@ -163,7 +164,7 @@ def read_numbers(text: str) -> list[float]:
 
 
 def read_share(text: str) -> float:
-    """A number 0..1, or InputError."""
+    """Read a number 0..1, or raise InputError."""
     try:
         (value,) = read_numbers(text)
     except ValueError:
@@ -194,7 +195,7 @@ def _read_not_negative(text: str) -> float:
 
 
 def read_color(text: str) -> checks.Rgb:
-    """`R,G,B` in 0..1, `#rrggbb` or a name such as `steelblue` as three numbers 0..1, or InputError."""
+    """Read `R,G,B` in 0..1, `#rrggbb` or a name such as `steelblue` as three numbers 0..1, or raise InputError."""
     red, green, blue = parse_color(text)
     return red, green, blue
 
@@ -206,5 +207,5 @@ MEMORY = Kind(lambda name, value: checks.parse_memory(cast(str, value)), str, "S
 
 
 def not_negative(what: str) -> Kind:
-    """A finite number of 0 or more. what: the number that is expected, in words."""
+    """Return the kind of a finite number of 0 or more. what: the expected number, in words."""
     return Kind(lambda name, value: checks.not_negative(name, value, what), _read_not_negative, "NUMBER")

@@ -90,7 +90,7 @@ STATS_ROWS = {
 
 
 def format_stats(stats: Figures) -> str:
-    """Return a render's stats as a readable table: what was done, the seconds of each stage, the bytes of each buffer."""
+    """Return a render's stats as a readable table: what was done, each stage's seconds, each buffer's bytes."""
 
     def show(value: object) -> str:
         if isinstance(value, list | tuple):

@@ -1,1 +1,1 @@
-"""Pictures: what comes out, as arrays and as files. Nothing here knows a device."""
+"""Pictures: the output, as arrays and as files. Nothing here uses an OpenCL device."""

@@ -1,6 +1,6 @@
-"""The colour map: numbers 0..1 to colours that grow lighter evenly, for maps of one quantity.
+"""The colour map: turns numbers 0..1 into colours of evenly rising lightness, for maps of one quantity.
 
-One map is all that is needed, so its 52 colours stand here: the package cmap, which has them too, takes 80 MB.
+One map is enough, so its 52 colours are stored here. The package cmap has them too, but takes 80 MB.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 OUTSIDE = np.array([1.0, 0.0, 1.0])
-"""Magenta, which the map has nowhere: for what has no number."""
+"""Magenta, for values without a number. The colour map does not contain it."""
 
 _STOPS = (
     "44015446085c471063481769481d6f482475472a7a46307e453781433d844142873f48893d4e8a"
@@ -22,6 +22,9 @@ VIRIDIS = np.frombuffer(bytes.fromhex(_STOPS), np.uint8).reshape(-1, 3) / 255
 
 
 def colors_at(values: NDArray[np.floating]) -> NDArray[np.float64]:
-    """RGB of numbers, those outside 0..1 as the nearest end's: float64 [..., 3], 0..1, linear between VIRIDIS."""
+    """Return the RGB of numbers: float64 [..., 3], 0..1, interpolated linearly between the colours of VIRIDIS.
+
+    A number outside 0..1 gets the colour of the nearer end.
+    """
     places = np.linspace(0, 1, len(VIRIDIS))
     return np.stack([np.interp(values, places, VIRIDIS[:, channel]) for channel in range(3)], axis=-1)

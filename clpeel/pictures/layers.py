@@ -17,23 +17,26 @@ from clpeel.files import write_whole
 from clpeel.pictures.lengths import Lengths
 
 FORMAT = 1
-"""Of the files that `Layers.save` writes."""
+"""The format number of the files that `Layers.save` writes."""
 
 _ARRAYS = {"start": (np.int64,), "color": (np.float32,), "depth": (np.float32, np.float64), "triangle": (np.int32,)}
-"""The arrays' types, of which the first is the usual one."""
+"""The types that each array may have. The first is the usual one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """The layers of every pixel, front to back: a layered depth image.
+    """The layers of every pixel, front to back: a layered depth image (Shade et al. 1998).
 
-    size: (width, height) in pixels. start: int64 [height * width + 1]: the layers of the pixel at (row, column), row 0
-    on top, are start[p] : start[p + 1] with p = row * width + column. color: float32 [n, 4], straight RGBA 0..1, lit
-    where the picture was. depth: float32 [n], distance from the camera along its view axis in scene units (float64
-    where float32 cannot hold them). triangle: int32 [n], the face of the scene.
+    size: (width, height) in pixels.
+    start: int64 [height * width + 1]. The layers of the pixel at (row, column), row 0 on top, are start[p] : start[p +
+    1] with p = row * width + column.
+    color: float32 [n, 4], straight RGBA 0..1, lit if the picture was lit.
+    depth: float32 [n], the distance from the camera along its view axis in scene units. It is float64 if float32 cannot
+    hold the distances.
+    triangle: int32 [n], the index of the scene's face.
 
-    The order is (depth, submission). A pixel's layers end with the first opaque one, whose alpha is exactly 1, unless
-    it was rendered with opaque="blend". Raises InputError where the arrays do not fit together.
+    Layers are ordered by (depth, submission). A pixel's layers end with the first opaque one, whose alpha is exactly 1,
+    unless it was rendered with opaque="blend". Raises InputError if the arrays do not fit together.
     """
 
     size: tuple[int, int]
@@ -59,7 +62,8 @@ class Layers:
             raise InputError(f"triangle: expected faces from 0 on, got {self.triangle.min()}")
         first = np.zeros(n + 1, bool)
         first[self.start] = True
-        # A NaN is not less than any other, nor at least: so it does not pass, wherever it is.
+        # A comparison with NaN is false, so NaN fails the order test, except as a pixel's only layer. Hence the test
+        # for NaN.
         if np.isnan(self.depth).any() or not ((self.depth[1:] >= self.depth[:-1]) | first[1:-1]).all():
             raise InputError("depth: expected each pixel's front to back, got another order")
 
@@ -74,10 +78,11 @@ class Layers:
         return int(np.diff(self.start).max())
 
     def layer(self, k: int) -> tuple[NDArray[np.float32], Lengths, NDArray[np.int32]]:
-        """The k-th layer of all pixels, 0 the foremost: what peeling finds in its k-th pass.
+        """Return the k-th layer of all pixels, where 0 is the foremost: what peeling finds in its k-th pass.
 
-        Returns color float32 [height, width, 4], straight, zeros where a pixel has no such layer; depth float32
-        [height, width], infinite there; triangle int32 [height, width], -1 there. Raises InputError where none has.
+        Returns color, depth and triangle. color: float32 [height, width, 4], straight, zeros where a pixel has no such
+        layer. depth: float32 (or float64, as `depth`) [height, width], infinite there. triangle: int32 [height, width],
+        -1 there. Raises InputError if no pixel has such a layer.
         """
         if not 0 <= k < self.count:
             there = f"0..{self.count - 1}" if self.count else "none, as no pixel has a layer"
@@ -92,26 +97,26 @@ class Layers:
         return color.reshape(height, width, 4), depth.reshape(height, width), triangle.reshape(height, width)
 
     def __len__(self) -> int:
-        """The same as `count`."""
+        """Return `count`."""
         return self.count
 
     def __getitem__(self, k: int) -> tuple[NDArray[np.float32], Lengths, NDArray[np.int32]]:
-        """The same as `layer`, so that `for color, depth, triangle in layers` goes through them front to back."""
+        """Return `layer(k)`, so that `for color, depth, triangle in layers` goes through the layers front to back."""
         if not -self.count <= k < self.count:
-            raise IndexError(k)  # what ends that loop
+            raise IndexError(k)  # this ends such a loop
         return self.layer(k % self.count)
 
     def blended(self) -> NDArray[np.float32]:
-        """The layers blended front to back: float32 [height, width, 4], premultiplied, before the background.
+        """Return the layers blended front to back: float32 [height, width, 4], premultiplied, without the background.
 
-        The same operations in float32 as the kernels' (blending.h), so that layers of which none is missing give the
-        bits of `Result.color` by `sort`.
+        The float32 operations are the same as the kernels' (blending.h). So if no layer is missing, the bits are those
+        of `Result.color` by `sort`.
         """
         rgb, through = self._blended()
         return np.concatenate([rgb, np.float32(1) - through], axis=-1)
 
     def _blended(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Premultiplied colour [height, width, 3], and the transmittance [height, width, 1] that is left."""
+        """Return the premultiplied colour [height, width, 3] and the remaining transmittance [height, width, 1]."""
         width, height = self.size
         rgb = np.zeros((height * width, 3), np.float32)
         through = np.ones((height * width, 1), np.float32)
@@ -126,29 +131,31 @@ class Layers:
         return rgb.reshape(height, width, 3), through.reshape(height, width, 1)
 
     def composite(self, background: Sequence[float] | str | None = (1, 1, 1)) -> NDArray[np.uint8]:
-        """The picture again: uint8 [height, width, 4], row 0 on top.
+        """Return the picture made from the layers: uint8 [height, width, 4], row 0 on top.
 
-        background: 3 numbers 0..1, or None for straight alpha. Layers of which none is missing give the bits of
-        `Result.image` by `sort` over the same. Raises InputError where the background cannot be.
+        background: 3 numbers 0..1, or None for straight alpha. If no layer is missing, the bits are those of
+        `Result.image` by `sort` over the same background. Raises InputError if the background is invalid.
         """
         return _shown(*self._blended(), background)
 
     def picture(
         self, k: int, background: Sequence[float] | str | None = (1, 1, 1), keep_alpha: bool = False
     ) -> NDArray[np.uint8]:
-        """The k-th layer alone, opaque, as Bavoil and Myers (2008) show them in Figure 2: uint8 [height, width, 4].
+        """Return the k-th layer alone, opaque, as in Figure 2 of Bavoil and Myers (2008): uint8 [height, width, 4].
 
-        background: as for `composite`. keep_alpha: with its own alpha instead. Raises InputError where there is no such
-        layer.
+        background: as for `composite`. keep_alpha: show the layer with its own alpha instead. Raises InputError if
+        there is no such layer.
         """
         color, _, triangle = self.layer(k)
         alpha = color[..., 3:] if keep_alpha else (triangle >= 0)[..., None].astype(np.float32)
         return _shown(alpha * color[..., :3], np.float32(1) - alpha, background)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes them all as an .npz, whole or not at all, for `load_layers`; through a link, if path is one.
+        """Write all layers as an .npz file for `load_layers`, whole or not at all.
 
-        Raises InputError when the place cannot be written, or its name ends in what is not .npz.
+        If path is a link, its target is written.
+
+        Raises InputError if the place cannot be written, or if the name ends in anything but .npz.
         """
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         size = np.array(self.size, np.int32)
@@ -158,7 +165,10 @@ class Layers:
 def _shown(
     rgb: NDArray[np.float32], through: NDArray[np.float32], background: Sequence[float] | str | None
 ) -> NDArray[np.uint8]:
-    """Premultiplied colour [h, w, 3] and transmittance [h, w, 1] to a picture: composite.h, operation by operation."""
+    """Return premultiplied colour [h, w, 3] and transmittance [h, w, 1] as a picture: uint8 [h, w, 4].
+
+    The operations are those of composite.h, one by one.
+    """
     over = checked_background(background)
     alpha = np.ones_like(through)
     if over is not None:
@@ -171,9 +181,9 @@ def _shown(
 
 
 def load_layers(path: str | os.PathLike[str]) -> Layers:
-    """The layers that `Layers.save` wrote, bit for bit.
+    """Return the layers that `Layers.save` wrote, bit for bit.
 
-    Raises InputError where there is no such file, or it is damaged, or something else.
+    Raises InputError if there is no such file, or if it is damaged or of another kind.
     """
     name = os.fspath(path)
     try:
@@ -183,7 +193,7 @@ def load_layers(path: str | os.PathLike[str]) -> Layers:
         raise InputError(f"{name}: no such file") from None
     except OSError as error:
         raise InputError(f"{name}: cannot be read: {error.strerror or error}") from None
-    except Exception:  # whatever NumPy and zipfile make of bytes that are something else
+    except Exception:  # NumPy and zipfile may raise anything on other bytes
         raise InputError(f"{name}: expected layers that clpeel has saved, got another or a damaged file") from None
     version = found.pop("format")
     if version.shape != () or version != FORMAT:

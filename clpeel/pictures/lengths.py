@@ -1,4 +1,4 @@
-"""Lengths in scene units: float32, and float64 where a scene is too large or too small for that."""
+"""Lengths in scene units: float32, or float64 if a scene is too large or too small for float32."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ Lengths = NDArray[np.float32] | NDArray[np.float64]
 
 
 def scaled(lengths: NDArray[np.float32], unit: float) -> Lengths:
-    """A copy of the lengths times a power of two, as narrowed."""
+    """Return a copy of the lengths times a power of two. Unless that is 1, the copy is narrowed."""
     return lengths.copy() if unit == 1 else narrowed(lengths * np.float64(unit))
 
 
 def narrowed(lengths: NDArray[np.float64]) -> Lengths:
-    """The lengths as float32 where that holds all that are finite and not 0 in its full precision, else as they are."""
+    """Return the lengths as float32 if that keeps its full precision for all of them, else as they are.
+
+    Only finite lengths other than 0 are tested.
+    """
     limits = np.finfo(np.float32)
     sizes = np.abs(lengths)
     counted = np.isfinite(sizes) & (sizes > 0)

@@ -1,4 +1,4 @@
-"""Pictures and maps as files: PNG and NumPy's."""
+"""Pictures and maps as files: PNG, and NumPy's format."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from clpeel.files import write_whole
 
 STEP = 1 / 255
-"""Between two neighbouring values of 8 bits. Colours no farther apart are at most one step apart when rounded."""
+"""The step between neighbouring 8-bit values. Colours that differ by at most this are at most one step apart once
+rounded."""
 
 
 def encode_png(image: NDArray[np.uint8]) -> bytes:
-    """uint8 [height, width, 4] to the bytes of a PNG; without an alpha channel where every pixel is opaque."""
+    """Return uint8 [height, width, 4] as the bytes of a PNG, without an alpha channel if every pixel is opaque."""
     from PIL import Image
 
     opaque = bool((image[..., 3] == 255).all())
@@ -25,15 +26,17 @@ def encode_png(image: NDArray[np.uint8]) -> bytes:
 
 
 def encode_map(numbers: NDArray[np.float32]) -> bytes:
-    """float32 [height, width] to the bytes of a file that numpy.load reads."""
+    """Return float32 [height, width] as the bytes of a file that numpy.load reads."""
     data = io.BytesIO()
     np.save(data, numbers, allow_pickle=False)
     return data.getvalue()
 
 
 def save_png(path: str | os.PathLike[str], image: NDArray[np.uint8]) -> None:
-    """Writes uint8 [height, width, 4], row 0 on top, as a PNG, whole or not at all; through a link, if path is one.
+    """Write uint8 [height, width, 4], row 0 on top, as a PNG, whole or not at all.
 
-    Raises InputError when the place cannot be written, or its name ends in what is not .png.
+    If path is a link, its target is written.
+
+    Raises InputError if the place cannot be written, or if the name ends in anything but .png.
     """
     write_whole(path, lambda file: file.write(encode_png(image)), ".png")

@@ -1,4 +1,4 @@
-"""The scale bar: which colour of a picture is which number, drawn into a corner."""
+"""The scale bar: shows in a corner of a picture which colour stands for which number."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 from clpeel.pictures.colormap import OUTSIDE, colors_at
 
 LEAST_WIDTH, LEAST_HEIGHT = 160, 120
-"""Pixels of a picture that has room for one."""
+"""The least size in pixels of a picture that has room for a scale bar."""
 
 PANEL = (255, 255, 255, 216)
 INK = (32, 32, 32, 255)
 
 
 def ticks(low: float, high: float, most: int = 6, whole: bool = False) -> list[float]:
-    """Round numbers, at most `most`, in low..high: 1, 2 or 5 times a power of ten apart, at least 1 where `whole`."""
+    """Return at most `most` round numbers in low..high. They are 1, 2 or 5 times a power of ten apart.
+
+    whole: the distance is at least 1.
+    """
     step = 10.0 ** math.floor(math.log10((high - low) / most))
     step = max(step, 1.0) if whole else step
     for factor in (1, 2, 5, 10, 20, 50):
@@ -36,10 +39,10 @@ def draw_scale_bar(
     unpaired: bool,
     whole: bool = False,
 ) -> None:
-    """Draws the bar for low..high into the least occupied corner, or nothing where the picture is too small.
+    """Draw the bar for low..high into the least occupied corner, or nothing if the picture is too small.
 
-    image: uint8 [height, width, 4], straight alpha. occupied: bool [height, width]. unpaired: whether to say what
-    OUTSIDE means, too. whole: whether there are only whole numbers.
+    image: uint8 [height, width, 4], straight alpha, changed in place. occupied: bool [height, width]. unpaired: whether
+    to explain the colour OUTSIDE, too. whole: whether there are only whole numbers.
     """
     from PIL import Image, ImageDraw, ImageFont
 

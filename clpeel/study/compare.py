@@ -96,7 +96,10 @@ def compare(
 
 @dataclass
 class Trial:
-    """A row that is not finished. found: what its picture showed, once it is drawn. seconds: the times of its frames."""
+    """An unfinished row.
+
+    found: what its picture showed, once it is drawn. seconds: the times of its frames.
+    """
 
     technique: AnyTechnique
     options: dict[str, Any]

@@ -241,6 +241,6 @@ def named(technique: str, precision: str | None, budget: int | None) -> str:
 
 
 def shown(color: NDArray[np.floating], background: Sequence[float]) -> NDArray[np.float64]:
-    """Return premultiplied RGBA [height, width, 4] over the background, clamped as shown: float64 [height, width, 3]."""
+    """Return premultiplied RGBA [height, width, 4] over the background, clamped to 0..1: float64 [height, width, 3]."""
     color = color.astype(np.float64)
     return np.clip(color[..., :3] + (1 - color[..., 3:]) * np.asarray(background, np.float64), 0, 1)
