@@ -1,15 +1,16 @@
-"""Measures how fast clpeel is, beside VTK and beside what memory allows, and says which targets are met.
+"""Measures how fast clpeel is, compared with VTK and with the limit of memory, and says which targets are met.
 
-    python tools/bench.py                                       all of it, in about a quarter of an hour
-    python tools/bench.py --quick                               less of it, in under two minutes
+    python tools/bench.py                                       everything, in about a quarter of an hour
+    python tools/bench.py --quick                               less, in under two minutes
     python tools/bench.py --json bench.json --report docs       keeps the numbers; writes them into docs/performance.md
     python tools/bench.py --from bench.json --report docs       the same later, without measuring
 
-Whatever is compared takes turns, each time in a process of its own, so that a machine whose speed drifts slows both;
-the table shows the median of the rounds with the least and the greatest. Scenes come from a folder with scenes.py and
-vtk_peer.py (VTK without a display), by default `bench` in the folder that CLPEEL_SHARED names; without it there is no
-VTK, and scenes of the tool's own stand in. Interrupted, it writes what it has. Exit codes: 0 done, whatever the
-targets; 1 something failed, 2 bad input, 3 no such OpenCL device, 130 interrupted.
+Programs and settings that are compared take turns, in new processes each time, so that a machine whose speed drifts
+slows them all alike. The table shows the median of the rounds with the least and the greatest. Scenes come from a
+folder with scenes.py and vtk_peer.py (VTK without a display), by default `bench` in the folder that CLPEEL_SHARED
+names. Without it there is no VTK, and the tool's own scenes are used. When interrupted, the tool writes what it has.
+Exit codes: 0 done, whether targets are met or not; 1 something failed, 2 bad input, 3 no such OpenCL device, 130
+interrupted.
 """
 
 from __future__ import annotations
@@ -30,25 +31,25 @@ from benchmark.runs import QUICK, SCENES, SHARED, Bench, Failed, Settings, Skipp
 
 
 class Parser(argparse.ArgumentParser):
-    """Errors of one line."""
+    """An argument parser whose errors are one line."""
 
     def error(self, message: str) -> NoReturn:
         stop(message)
 
 
 def stop(message: str, code: int = 2) -> NoReturn:
-    """Ends with one line."""
+    """Print an error of one line and exit."""
     print(f"bench: error: {message}", file=sys.stderr)
     raise SystemExit(code)
 
 
 def say(text: str) -> None:
-    """A line of progress."""
+    """Print a line of progress."""
     print(text, file=sys.stderr, flush=True)
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
-    """The command line, checked: nothing slow begins before what was asked is known to be possible."""
+    """Return the command line, checked. Nothing slow begins before the request is known to be possible."""
     parser = Parser(
         prog="bench.py",
         description=__doc__,
@@ -92,19 +93,19 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def count(text: str) -> int:
-    """A whole number of at least 1."""
+    """Read a whole number of at least 1."""
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
     return int(text)
 
 
 def document_of(report: Path) -> Path:
-    """What --report names: a document, or a folder with performance.md."""
+    """Return the document that --report names: itself, or performance.md in a folder."""
     return report if report.suffix == ".md" else report / "performance.md"
 
 
 def renewed(document: Path, text: str) -> str:
-    """The document of a report with a new text between its markers."""
+    """Return the document of a report with a new text between its markers."""
     try:
         return between_markers(document.read_text(encoding="utf-8"), text)
     except OSError as error:
@@ -114,7 +115,7 @@ def renewed(document: Path, text: str) -> str:
 
 
 def read(source: Path) -> Values:
-    """The numbers of an earlier run."""
+    """Return the numbers of an earlier run."""
     try:
         found: Values = json.loads(source.read_text(encoding="utf-8"))
         as_text(found)
@@ -126,7 +127,7 @@ def read(source: Path) -> Values:
 
 
 def settings_of(options: argparse.Namespace) -> Settings:
-    """What the options ask to measure."""
+    """Return what the options ask to measure."""
     given = {name: getattr(options, name) for name in ("rounds", "size", "triangles") if getattr(options, name)}
     if options.rounds:
         given["peer_rounds"] = options.rounds
@@ -136,7 +137,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
 
 
 def measure(options: argparse.Namespace) -> Values:
-    """Measures the figures that were asked for; what is finished when it is interrupted."""
+    """Measure the figures that were asked for. When interrupted, return the finished ones."""
     settings = settings_of(options)
     folder = options.scenes or SHARED / "bench"
     folder = folder.resolve() if (folder / "scenes.py").is_file() else None
@@ -171,7 +172,7 @@ def measure(options: argparse.Namespace) -> Values:
 
 
 def headline(one: Values) -> str:
-    """A figure in a line: why it is missing, or its targets."""
+    """Return a figure in one line: why it is missing, or its targets."""
     for word in ("skipped", "failed"):
         if word in one:
             return f"{word}: {one[word]}"
@@ -181,7 +182,10 @@ def headline(one: Values) -> str:
 
 
 def write_report(report: Path, found: Values) -> None:
-    """The document's data part, and its plots, in a folder of its name, where matplotlib is installed."""
+    """Write the document's data part.
+
+    If matplotlib is installed, also write its plots, into a folder of the same name.
+    """
     from clpeel.files import write_whole
 
     pictures: dict[str, bytes] = {}
@@ -202,7 +206,7 @@ def write_report(report: Path, found: Values) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs the tool and returns its exit code."""
+    """Run the tool and return its exit code."""
     options = parse(arguments)
     found = read(options.source) if options.source else measure(options)
     print(as_text(found), end="")

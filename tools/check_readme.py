@@ -2,10 +2,10 @@
 
     python tools/check_readme.py --install            the block marked "run: install", in the repository
     python tools/check_readme.py --test               the block marked "run: test", in the repository
-    python tools/check_readme.py --examples --bin BIN  all other sh and python blocks, each in one shared empty folder,
+    python tools/check_readme.py --examples --bin BIN  all other sh and python blocks, together in one empty folder,
                                                       with the folder BIN (of a virtual environment) first on PATH
 
-A block is marked by a line `<!-- run: NAME -->` before it; `<!-- run: no -->` leaves it out.
+A line `<!-- run: NAME -->` before a block marks it. A block marked `<!-- run: no -->` is skipped.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Block:
 
 
 def blocks(text: str) -> list[Block]:
-    """The sh and python blocks of a Markdown text, in order."""
+    """Return the sh and python blocks of a Markdown text, in order."""
     return [
         Block(match["language"], match["code"], match["mark"] or "", text.count("\n", 0, match.start("code")))
         for match in BLOCK.finditer(text)
@@ -45,7 +45,7 @@ def blocks(text: str) -> list[Block]:
 
 
 def run(block: Block, folder: Path, environment: dict[str, str]) -> bool:
-    """Run a block in a folder; prints what it does and how long it took."""
+    """Run a block in a folder, and print what it does and how long it takes. Returns whether it succeeded."""
     print(f"--- README.md line {block.line}, {block.language}\n{block.code}", end="", flush=True)
     command = ["bash", "-euo", "pipefail", "-c", block.code] if block.language == "sh" else ["python", "-c", block.code]
     started = time.monotonic()

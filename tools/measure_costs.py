@@ -1,9 +1,9 @@
-"""What drawing costs, measured on this device: python tools/measure_costs.py [--device NAME] [--scenes FOLDER].
+"""Measures what drawing costs on this device: python tools/measure_costs.py [--device NAME] [--scenes FOLDER].
 
-Draws scenes of many kinds with every technique, and fits the numbers of clpeel/costs.py to the seconds by the device's
-clock: by least squares of relative errors, none below zero. Prints the table to be put there, and how far the estimates
-made of it are off: on the scenes of the fit, and on others, those of FOLDER/scenes.py, which take no part in it.
-Takes about four minutes on two processor cores.
+It draws scenes of many kinds with every technique. Then it fits the numbers of clpeel/rendering/costs.py to the times
+of the device's clock, by least squares of relative errors, with no number below zero. It prints the table to put there,
+and how far the resulting estimates are off: on the scenes of the fit, and on others, those of FOLDER/scenes.py, which
+take no part in it. This takes about four minutes on two processor cores.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from clpeel.techniques import TECHNIQUES, AnyTechnique
 from clpeel.techniques.technique import Variant
 
 REPEATS = 8
-"""Frames of which the fastest counts, after one that warms up."""
+"""The number of frames of which the fastest counts, after one that warms up."""
 
 MOST_SECONDS = 0.8
-"""Of a scene with a technique: fewer repeats where it takes longer."""
+"""The time for a scene with a technique, in seconds. If frames take longer, there are fewer of them."""
 
 LIGHTINGS: tuple[Lighting, ...] = ("none", "headlight")
 VIEW = clpeel.Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), view_angle=30.0, clipping_range=(2.0, 6.0))
@@ -44,11 +44,11 @@ SIZE = (800, 800)
 OTHERS_SIZE = (1024, 1024)
 OPAQUE_ROW: Variant = ("OPAQUE", ())
 Row = tuple[tuple[float, ...], float, float]
-"""What was done, the seconds it took, and those of the whole frame."""
+"""The work that was done, the seconds it took, and the seconds of the whole frame."""
 
 
 def triangles(count: int, radius: float, seed: int, opaque: float = 0.0) -> clpeel.Scene:
-    """Random triangles within about 1 of the origin, a share of them opaque."""
+    """Return random triangles within about 1 of the origin. A share of them is opaque."""
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-0.9, 0.9, (count, 1, 3)) + radius * rng.uniform(-1, 1, (count, 3, 3))
     rgba = rng.integers(20, 236, (count, 4), dtype=np.uint8)
@@ -57,7 +57,7 @@ def triangles(count: int, radius: float, seed: int, opaque: float = 0.0) -> clpe
 
 
 def calibration() -> Iterator[tuple[str, clpeel.Scene, clpeel.Camera]]:
-    """Scenes of the fit: from triangles smaller than a pixel to such that fill the picture, from few layers to many."""
+    """Yield the scenes of the fit: triangles smaller than a pixel up to picture-sized ones, few layers up to many."""
     for count, radius in ((600_000, 0.003), (150_000, 0.01), (20_000, 0.04), (2_000, 0.15), (300, 0.6), (40, 2.0)):
         yield f"{count} of {radius}", triangles(count, radius, count), VIEW
     for count, radius in ((40_000, 0.03), (100, 1.0)):
@@ -70,7 +70,7 @@ def calibration() -> Iterator[tuple[str, clpeel.Scene, clpeel.Camera]]:
 
 
 def others(folder: str) -> Iterator[tuple[str, clpeel.Scene, clpeel.Camera]]:
-    """The scenes of another benchmark, or none where the folder has none."""
+    """Yield the scenes of another benchmark, or none if the folder has none."""
     path = Path(folder) / "scenes.py"
     spec = importlib.util.spec_from_file_location("other_scenes", path) if path.is_file() else None
     if spec is None or spec.loader is None:
@@ -91,7 +91,7 @@ def measured(
     lighting: Lighting,
     options: Options,
 ) -> tuple[float, float]:
-    """Seconds of the technique's own stage, and of all stages: the least of some frames."""
+    """Return the seconds of the technique's own stage, and of all stages: the least of several frames."""
     given: dict[str, Any] = dict(options.given())
     least = (np.inf, np.inf)
     spent = 0.0
@@ -109,7 +109,7 @@ def measured(
 
 
 def counted_at_rest(renderer: clpeel.Renderer, camera: clpeel.Camera, size: tuple[int, int]) -> Counted:
-    """The counts, with the least seconds of some."""
+    """Return the counts, with the least seconds of several tries."""
     scene = upload(renderer.gpu, renderer.scene)
     tries = [count_layers(renderer.gpu, scene, camera, size, True) for _ in range(REPEATS + 1)]
     setup = min(tried.setup_seconds for tried in tries[1:])
@@ -117,12 +117,15 @@ def counted_at_rest(renderer: clpeel.Renderer, camera: clpeel.Camera, size: tupl
 
 
 def fitted(rows: list[Row]) -> NDArray[np.float64]:
-    """Costs, none below zero: work times costs is seconds, with the least squares of errors in shares of the frame."""
+    """Return the costs, none below zero, for which work times costs is closest to seconds.
+
+    Closest means the least squares of the errors, each as a share of its frame's time.
+    """
     work = np.array([row for row, _, _ in rows]) * 1e-9
     seconds, whole = (np.array([row[k] for row in rows]) for k in (1, 2))
     scaled, wanted = work / whole[:, None], seconds / whole
     best, found = np.inf, np.zeros(work.shape[1])
-    for chosen in range(1, 2 ** work.shape[1]):  # all sets of costs that are not zero: there are few
+    for chosen in range(1, 2 ** work.shape[1]):  # all sets of non-zero costs, of which there are few
         columns = [k for k in range(work.shape[1]) if chosen >> k & 1]
         part, *_ = np.linalg.lstsq(scaled[:, columns], wanted, rcond=None)
         error = float(((scaled[:, columns] @ part - wanted) ** 2).sum())
@@ -134,13 +137,13 @@ def fitted(rows: list[Row]) -> NDArray[np.float64]:
 
 
 def off_by(estimates: list[float], truths: list[float]) -> str:
-    """By which factor estimates are off: half of them at most, and all."""
+    """Return by which factor estimates are off: the median, and the greatest."""
     factors = np.exp(np.abs(np.log(np.array(estimates) / np.array(truths))))
     return f"{np.median(factors):.2f}, {factors.max():.2f}"
 
 
 def main() -> None:
-    """Measures, fits, prints."""
+    """Measure, fit and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", help="number or part of a name, as 'clpeel devices' shows them")
     parser.add_argument("--scenes", default=os.path.join(os.environ.get("CLPEEL_SHARED", ""), "bench"))
@@ -153,7 +156,7 @@ def main() -> None:
     counting: list[Row] = []
     kept: list[
         tuple[str, AnyTechnique, Options, bool, str, Counted, float]
-    ] = []  # the truths that estimates are to be beside
+    ] = []  # the measured times to compare the estimates with
     scenes = [("fit", *one) for one in calibration()] if options.fit else []
     for group, label, scene, camera in [*scenes, *(("others", *one) for one in others(options.scenes))]:
         renderer = clpeel.Renderer(scene, options.device)
@@ -178,7 +181,7 @@ def main() -> None:
                     kept.append((group, technique, variant, lit, label, counted, whole))
         print(f"{label} done", file=sys.stderr, flush=True)
     if options.fit:
-        # What a walk is measured in comes first, as the work is told in it.
+        # The costs of a walk are fitted first, because the work of the techniques is expressed in them.
         costs.RECORD, costs.VISIT, costs.PIXEL = (float(cost) for cost in fitted(counting))
         print(f"RECORD, VISIT, PIXEL = {costs.RECORD:.3g}, {costs.VISIT:.3g}, {costs.PIXEL:.3g}")
         table = {

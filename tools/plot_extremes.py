@@ -1,12 +1,13 @@
-"""Measures how far pictures are off at the extremes, and draws it beside the bounds, as docs/extremes.md shows it.
+"""Measures the errors of pictures at the extremes, and draws them with their bounds, as docs/extremes.md shows them.
 
     python tools/plot_extremes.py --output docs/extremes --report docs/extremes.md
     python tools/plot_extremes.py --only depth,origin
 
-Tables go to standard output, and with --report between the markers of a document; plots to the folder --output as PNG,
-which needs matplotlib (pip install '.[bench]'). The last figure needs a folder with scenes.py, and vtk_peer.py with
-VTK (pip install vtk): `bench` in the folder that CLPEEL_SHARED names. It says what is missing and goes on. Nothing is
-timed, and all scenes come from fixed seeds: the same numbers come out again. Takes a minute or two.
+Tables go to standard output, and with --report also between the markers of a document. Plots go to the folder --output
+as PNG, which needs matplotlib (pip install '.[bench]'). The last figure needs a folder with scenes.py, and vtk_peer.py
+with VTK (pip install vtk): `bench` in the folder that CLPEEL_SHARED names. If something is missing, the tool says so
+and goes on. Nothing is timed, and all scenes come from fixed seeds, so the same numbers come out each time. It takes a
+minute or two.
 Exit codes: 0 done, 1 failed, 2 bad input, 3 no such OpenCL device, 130 interrupted.
 """
 
@@ -59,25 +60,25 @@ Values = dict[str, Any]
 
 
 class Parser(argparse.ArgumentParser):
-    """Errors of one line."""
+    """An argument parser whose errors are one line."""
 
     def error(self, message: str) -> NoReturn:
         stop(message)
 
 
 def stop(message: str, code: int = 2) -> NoReturn:
-    """Ends with one line."""
+    """Print an error of one line and exit."""
     print(f"plot_extremes: error: {message}", file=sys.stderr)
     raise SystemExit(code)
 
 
 def say(text: str) -> None:
-    """A line of progress."""
+    """Print a line of progress."""
     print(text, file=sys.stderr, flush=True)
 
 
 class Progress:
-    """A line for each part of a figure."""
+    """Prints a line for each part of a figure."""
 
     def __init__(self, figure: str) -> None:
         self.figure = figure
@@ -129,24 +130,24 @@ Rows = list[list[str]]
 
 
 def number(value: float | None) -> str:
-    """Two digits; what was not measured is a dash."""
+    """Return a number with two digits, or a dash if it was not measured."""
     return "-" if value is None else "0" if value == 0 else f"{value:.1e}"
 
 
 def places(found: Series) -> list[float]:
-    """Wherever anything was measured."""
+    """Return all places where anything was measured, in order."""
     return sorted({at for points in found.values() for at in points})
 
 
 def rows_of(heading: str, found: Series, bounds: dict[str, Points], cells: Callable[[float], str]) -> Rows:
-    """A row for each series and bound, a column for each place."""
+    """Return a row for each series and bound, with a column for each place."""
     columns = places(found)
     rows = [[heading, *map(cells, columns)]]
     return rows + [[name, *(number(points.get(at)) for at in columns)] for name, points in (found | bounds).items()]
 
 
 def tables(found: Values) -> str:
-    """All that was measured, in Markdown."""
+    """Return all measurements as Markdown tables."""
     parts: list[tuple[str, Rows]] = []
     for title, series in found.get("layers", {}).items():
         counts = places(series)
@@ -201,7 +202,7 @@ def tables(found: Values) -> str:
 
 
 def percent(share: float) -> str:
-    """Of 1."""
+    """Return a share of 1 as a percentage."""
     return "0" if share == 0 else f"{share:.1%}" if share > 0.0005 else f"{100 * share:.1g}%"
 
 
@@ -219,7 +220,7 @@ FIGURES: dict[str, Callable[[bool, str | None, Report], Any]] = {
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
-    """The command line, checked before anything is measured."""
+    """Return the command line, checked before anything is measured."""
     parser = Parser(prog="plot_extremes.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--output", "-o", type=Path, metavar="FOLDER", help="write the plots there, NAME.png")
@@ -247,7 +248,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def renewed(document: Path, text: str) -> str:
-    """A document with a new text between its markers."""
+    """Return a document with a new text between its markers."""
     try:
         return between_markers(document.read_text(encoding="utf-8"), text)
     except OSError as error:
@@ -257,7 +258,7 @@ def renewed(document: Path, text: str) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs the tool and returns its exit code."""
+    """Run the tool and return its exit code."""
     options = parse(arguments)
     found: Values = {}
     for name in options.only:

@@ -1,7 +1,7 @@
-"""Every technique on one scene, the demo's, as docs/techniques.md shows them: python tools/technique_pictures.py.
+"""Draws the demo's scene with every technique, as docs/techniques.md shows: python tools/technique_pictures.py.
 
-One picture for each of the registry, docs/techniques/NAME.png, and those of STOPPED, which peel less than there is; and
-docs/complexity/demo.png, how many layers it has.
+It writes a picture for each technique of the registry, docs/techniques/NAME.png, and those of STOPPED, which peel fewer
+layers than there are. It also writes docs/complexity/demo.png, which shows how many layers the scene has.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ STOPPED: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def main() -> None:
-    """Makes them all."""
+    """Draw and write all of them."""
     renderer = clpeel.Renderer(demo_scene())
     camera = clpeel.Camera.frame(renderer.scene, DIRECTION, aspect=SIZE[0] / SIZE[1]).zoom(ZOOM)
     wanted: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in TECHNIQUES} | STOPPED

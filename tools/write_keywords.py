@@ -1,6 +1,7 @@
-"""Writes clpeel/rendering/keywords.py: what editors and type checkers know of the options of `render`.
+"""Writes clpeel/rendering/keywords.py, which tells editors and type checkers the options of `render`.
 
-It is made of the fields of all options' classes. `--check` writes nothing, and fails where the file is not up to date.
+The file is made from the fields of all option classes. With `--check`, nothing is written, and the exit code is 1 if
+the file is not up to date.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ class Keywords(TypedDict, total=False):
 
 
 def spelled(annotation: object) -> str:
-    """A type as it is written in a source file."""
+    """Return a type as it is written in a source file."""
     if isinstance(annotation, type) and not typing.get_args(annotation):
         return "None" if annotation is type(None) else annotation.__name__
     return str(annotation).replace("typing.", "").replace("collections.abc.", "").replace("'", '"')
 
 
 def keywords() -> str:
-    """The text of the file."""
+    """Return the text of the file."""
     found: dict[str, list[Option]] = {}
     for owner in all_options():
         for each in options_of(owner):
@@ -54,7 +55,7 @@ def keywords() -> str:
 
 
 def main() -> int:
-    """Writes the file, or checks it; returns the exit code."""
+    """Write the file, or check it. Returns the exit code."""
     text = keywords()
     if "--check" not in sys.argv[1:]:
         FILE.write_text(text, encoding="utf-8")

@@ -1,1 +1,1 @@
-"""The parts of tools/bench.py: scenes, what is measured, the figures, the report and its plots."""
+"""The parts of tools/bench.py: scenes, measurements, figures, the report and its plots."""

@@ -1,4 +1,4 @@
-"""The figures, one function each: from a `Bench` to values, targets, a table and notes."""
+"""The figures, one function each. Each turns a `Bench` into values, targets, a table and notes."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ HOST = "host memory of a frame, in times its result's"
 
 @dataclass(frozen=True)
 class Figure:
-    """title: what it tells; measure: how it is found."""
+    """A figure. title: what it shows. measure: the function that measures it."""
 
     title: str
     measure: Callable[[Bench], Values]
 
 
 FIGURES: dict[str, Figure] = {}
-"""All figures by name, in the order they are measured and shown."""
+"""All figures by name, in the order in which they are measured and shown."""
 
 
 def figure(name: str, title: str) -> Callable[[Callable[[Bench], Values]], Callable[[Bench], Values]]:
-    """Puts a function into FIGURES."""
+    """Return a decorator that puts a function into FIGURES."""
 
     def register(measure: Callable[[Bench], Values]) -> Callable[[Bench], Values]:
         FIGURES[name] = Figure(title, measure)
@@ -41,7 +41,7 @@ def figure(name: str, title: str) -> Callable[[Callable[[Bench], Values]], Calla
 
 
 def digits(value: float) -> str:
-    """A number with about three digits."""
+    """Return a number with about three digits."""
     if value == 0 or abs(value) >= 100:
         return f"{value:,.0f}"
     places = 3 if abs(value) < 1 else 2 if abs(value) < 10 else 1
@@ -49,13 +49,13 @@ def digits(value: float) -> str:
 
 
 def cell(values: Values, factor: float = 1.0) -> str:
-    """A median with its least and greatest."""
+    """Return a median with its least and greatest."""
     median, least, greatest = (digits(values[key] * factor) for key in ("median", "least", "greatest"))
     return f"{median} ({least} .. {greatest})"
 
 
 def share(value: float) -> str:
-    """A share as per cent."""
+    """Return a share as a percentage."""
     if 0 < value < 1e-6:
         return "less than 0.0001 %"
     return f"{100 * value:.2g} %" if value < 0.1 else f"{100 * value:.0f} %"
@@ -65,7 +65,7 @@ def share(value: float) -> str:
 
 
 def beside(bench: Bench, mode: str) -> dict[str, Values]:
-    """Seconds of both renderers for each scene where both ran; Skipped where none did."""
+    """Return the seconds of both renderers for each scene that both drew. Raises Skipped if there is none."""
     if bench.peer_reason:
         raise Skipped(bench.peer_reason)
     found = {
@@ -88,7 +88,7 @@ def beside(bench: Bench, mode: str) -> dict[str, Values]:
 
 
 def beside_table(found: dict[str, Values], peer: str, quotient: str, key: str) -> list[list[str]]:
-    """A row a scene."""
+    """Return a table with a row for each scene."""
     rows = [["scene", "triangles", "fragments", "most layers", "clpeel, s", f"VTK {peer}, s", quotient]]
     for name, one in found.items():
         counts = [f"{one[count]:,}" for count in ("triangles", "fragments", "layers")]
@@ -165,7 +165,7 @@ PEELED_SCENES: dict[str, list[Any]] = {
     "boxes, 10 a side": ["boxes"],
     "boxes, 11 a side": ["boxes", {"n": 11}],
 }
-"""Those sizes of Liu, Wei and Xu's Figure 4: 384 triangles in 20 layers, and about 15,000."""
+"""The sizes of Figure 4 of Liu, Wei and Xu: 384 triangles in 20 layers, and about 15,000 triangles."""
 
 
 @figure("techniques", "Techniques that peel: frames, and how many times as fast as depth-peeling")
@@ -273,12 +273,12 @@ FEATURES: dict[str, dict[str, Any]] = {
     "`layers=True`": {"layers": True},
     '`lighting="headlight"`': {"lighting": "headlight"},
 }
-"""Options of `sort`, which any technique that peels has as well."""
+"""Options of `sort`. Every technique that peels has them as well."""
 
 
 @figure("features", "What each feature costs: frames with it switched on, in times those without")
 def features(bench: Bench) -> Values:
-    """Scenes: as they are, with a colour for each vertex, and with every tenth triangle opaque."""
+    """Measure each scene as it is, with a colour for each vertex, and with every tenth or every triangle opaque."""
     values: Values = {}
     table = [["feature", *bench.scenes]]
     rows: dict[str, list[str]] = {}
@@ -427,7 +427,7 @@ def triangles(bench: Bench) -> Values:
 
 
 def nanoseconds(rounds: list[Values], per: str) -> list[float]:
-    """Of each round: the median frame's time by the number of fragments or triangles."""
+    """Return for each round the median frame's time divided by the number of fragments or triangles, in ns."""
     return [one["median_s"] * 1e9 / max(one["stats"][per], 1) for one in rounds]
 
 

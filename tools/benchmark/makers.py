@@ -1,4 +1,4 @@
-"""Scenes that need no files, and those of a folder that has a `scenes.py`."""
+"""Makes scenes: the tool's own, which need no files, and those of a folder that has a `scenes.py`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CUBE_FACES = np.array([face for a, b, c, d in SIDES for face in ((a, b, c), (a, 
 
 
 def boxes(count: int = 10) -> clpeel.Scene:
-    """count x count x count rotated boxes, every face of one alpha: large triangles, tens of layers."""
+    """Return count x count x count rotated boxes with one alpha: large triangles, tens of layers."""
     rng = np.random.default_rng(1)
     vertices, colors = [], []
     for place in np.ndindex(count, count, count):
@@ -30,7 +30,7 @@ def boxes(count: int = 10) -> clpeel.Scene:
 
 
 def stack(layers: int) -> clpeel.Scene:
-    """One triangle over the whole picture for each layer, in random order; of so little alpha that none is hidden."""
+    """Return a picture-filling triangle for each layer, in random order. Alpha is so small that no layer is hidden."""
     rng = np.random.default_rng(2)
     away = rng.permutation(np.linspace(2.5, 5.5, layers))
     reach = 2 * math.tan(HALF_ANGLE) * away
@@ -44,7 +44,7 @@ def stack(layers: int) -> clpeel.Scene:
 
 
 def soup(count: int, size: int) -> clpeel.Scene:
-    """Random triangles that share no vertex, each less than a pixel wide and high in a picture of `size` pixels."""
+    """Return random triangles that share no vertex. Each is smaller than a pixel in a picture of `size` pixels."""
     rng = np.random.default_rng(3)
     leg = np.float32(0.68 * 8 * math.tan(HALF_ANGLE) / size)
     corners = np.empty((count, 3, 3), np.float32)
@@ -60,7 +60,7 @@ def soup(count: int, size: int) -> clpeel.Scene:
 
 
 def vertex_colors(*scene: Any) -> clpeel.Scene:
-    """A scene with a colour for each corner of each face, that of the face."""
+    """Return a scene with the face's colour stored at each corner of each face."""
     made = make(*scene)
     corners = made.faces.reshape(-1)
     rgba = np.repeat(np.broadcast_to(made.colors, (len(made.faces), 4)), 3, axis=0)
@@ -70,7 +70,7 @@ def vertex_colors(*scene: Any) -> clpeel.Scene:
 
 
 def some_opaque(apart: int, *scene: Any) -> clpeel.Scene:
-    """A scene of which one of so many triangles is opaque."""
+    """Return a scene in which one of every `apart` triangles is opaque."""
     made = make(*scene)
     rgba = np.broadcast_to(made.colors, (len(made.faces), 4)).copy()
     rgba[::apart, 3] = 255 if rgba.dtype == np.uint8 else 1
@@ -87,7 +87,10 @@ OWN: dict[str, Any] = {
 
 
 def make(name: str, *numbers: Any) -> clpeel.Scene:
-    """An own scene, or what the module `scenes` of the scenes' folder makes of that name, with options where given."""
+    """Return one of the tool's own scenes, or the scene of that name from the module `scenes` of the scenes' folder.
+
+    A dict of options after the name is passed to the module's function of that name.
+    """
     if numbers and isinstance(numbers[0], dict):
         import scenes  # type: ignore[import-not-found]
 
@@ -103,7 +106,7 @@ def make(name: str, *numbers: Any) -> clpeel.Scene:
 
 
 def write_ply(path: str, vertices: Any, faces: Any) -> None:
-    """A binary PLY, which any program reads at once."""
+    """Write a binary PLY, which any program reads quickly."""
     header = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
         "property float x\nproperty float y\nproperty float z\n"

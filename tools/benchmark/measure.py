@@ -1,6 +1,6 @@
-"""What is measured in a process of its own: `python -m benchmark.measure CASE OPTIONS` prints one line of JSON.
+"""Measurements, each in its own process: `python -m benchmark.measure CASE OPTIONS` prints one line of JSON.
 
-CASE is a name in CASES, OPTIONS its arguments as a JSON object.
+CASE is a name in CASES, and OPTIONS is a JSON object of its arguments.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from collections.abc import Callable
 from typing import Any
 
 ENOUGH_SECONDS = 3.0
-"""After so long no further frame is begun: long frames need no repetition to be timed well."""
+"""After this time no new frame begins. Long frames need no repetition to be timed well."""
 
 
 def device() -> dict[str, Any]:
-    """The OpenCL device that a render would use."""
+    """Return a description of the OpenCL device that a render would use."""
     import numpy
 
     from clpeel.device.devices import open_device
@@ -35,7 +35,7 @@ def device() -> dict[str, Any]:
 
 
 def keep(model: str, path: str) -> dict[str, Any]:
-    """Writes the geometry of a model to a binary PLY, for all to read it quickly."""
+    """Write the geometry of a model to a binary PLY, which all others read quickly."""
     import clpeel
     from benchmark.makers import write_ply
 
@@ -45,9 +45,10 @@ def keep(model: str, path: str) -> dict[str, Any]:
 
 
 def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> dict[str, Any]:
-    """Frames of the jobs, which take turns, each with its camera moved a little; the first of each is not counted.
+    """Time frames of the jobs, which take turns. The camera moves a little each time. The first frame does not count.
 
-    A job: scene [name, numbers...], size in pixels, options of `Renderer.render`. out: where the last picture goes.
+    A job has a scene [name, numbers...], a size in pixels, and options of `Renderer.render`. out: the file for the last
+    picture.
     """
     import numpy as np
 
@@ -66,7 +67,7 @@ def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> di
             break
         camera = camera.azimuth(1e-9)
         for place, job in enumerate(jobs):
-            result = None  # the picture before makes room
+            result = None  # frees the memory of the previous picture
             renderer = renderers[str(job["scene"])]
             started = time.perf_counter()
             result = renderer.render(camera, (job["size"], job["size"]), **job["options"])
@@ -84,12 +85,12 @@ def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> di
 
 
 def medians(rows: list[dict[str, float]]) -> dict[str, float]:
-    """The median of each key."""
+    """Return the median of each key."""
     return {key: statistics.median(row.get(key, 0.0) for row in rows) for key in rows[-1]}
 
 
 def memory(field: str) -> int:
-    """Bytes resident now ("VmRSS") or at most so far ("VmHWM"); where /proc is missing the most so far."""
+    """Return the bytes resident now ("VmRSS") or at most so far ("VmHWM"). Without /proc, both are the most so far."""
     try:
         with open("/proc/self/status", encoding="ascii") as file:
             return next(int(line.split()[1]) * 1024 for line in file if line.startswith(field))
@@ -105,7 +106,7 @@ COPY = (
 
 
 def bandwidth(nbytes: int, repeats: int) -> dict[str, Any]:
-    """The best of several copies of a buffer to another: bytes read and bytes written, a second."""
+    """Return the best rate of several copies of one buffer to another: bytes read plus bytes written, per second."""
     import pyopencl as cl
 
     from clpeel.device.devices import open_device
@@ -133,10 +134,10 @@ def bandwidth(nbytes: int, repeats: int) -> dict[str, Any]:
 
 
 def camera(scene: list[Any], size: int, count: int) -> dict[str, Any]:
-    """Frames of one Renderer from a camera that moves a degree each, then all of them again: what each asked for.
+    """Draw frames from a camera that moves a degree each, then the same frames again, and count what each one requests.
 
-    Returns "turns": for both turns, of each frame, its seconds and what it asked of OpenCL. An allocation is a buffer
-    that the device has to find room for; one that wraps a host's array is counted apart.
+    Returns "turns": for both turns, the seconds of each frame and what it requested of OpenCL. An allocation is a
+    buffer for which the device must find room. A buffer that wraps a host's array is counted separately.
     """
     import pyopencl as cl
 
@@ -170,7 +171,7 @@ def camera(scene: list[Any], size: int, count: int) -> dict[str, Any]:
     turns: list[list[dict[str, float]]] = [[], []]
     host_peak = result_bytes = 0
     for frame in range(2 * count + 2):
-        traced = frame >= 2 * count  # tracing slows a frame: these two are not timed
+        traced = frame >= 2 * count  # tracing slows a frame, so the last two frames are not timed
         view = CAMERA.azimuth(frame % count)
         counted.update(dict.fromkeys(counted, 0))
         result = None

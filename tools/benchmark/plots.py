@@ -1,4 +1,4 @@
-"""The figures' plots, drawn with matplotlib where it is installed, in colours that the colour-blind can tell apart."""
+"""Plots of the figures, drawn with matplotlib if it is installed, in colours that the colour-blind can distinguish."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Any
 from benchmark.figures import digits
 from benchmark.runs import Values
 
-COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#000000")  # Okabe and Ito's
+# The palette of Okabe and Ito.
+COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#000000")
 GREY = "#767676"
 STYLE = {
     "font.size": 11,
@@ -29,7 +30,7 @@ STYLE = {
 
 
 def series(axes: Any, values: Values, factor: float, unit: str) -> None:
-    """Medians with their spread over counts, both axes logarithmic, and the line that the target draws."""
+    """Draw medians with their spread against counts, on two logarithmic axes, with the target's line."""
     points, reference = values["ns"], values["reference"]
     counts = [int(count) for count in points]
     medians = [one["median"] for one in points.values()]
@@ -93,7 +94,7 @@ def stages(axes: Any, values: Values) -> None:
 
 
 def beside(title: str, peer: str, key: str, text: str) -> Callable[[Any, Values], None]:
-    """Bars of both renderers for each scene."""
+    """Return a function that draws bars of both renderers for each scene."""
 
     def draw(axes: Any, values: Values) -> None:
         for shift, who, color, label in ((-0.2, "clpeel", COLORS[0], "clpeel, exact"), (0.2, "vtk", COLORS[1], peer)):
@@ -118,7 +119,7 @@ def beside(title: str, peer: str, key: str, text: str) -> Callable[[Any, Values]
 
 
 def auto(axes: Any, values: Values) -> None:
-    """A row for each scene, a mark for each choice."""
+    """Draw a row for each scene, with a mark for each choice."""
     names = list(next(iter(values.values()))["seconds"])
     for name, marker, color in zip(names, cycle("osDv^<>Ph"), cycle((COLORS[5], *COLORS[:5])), strict=False):
         places = [place + (0.22 if name == "auto" else -0.05) for place in range(len(values))]
@@ -142,7 +143,7 @@ def auto(axes: Any, values: Values) -> None:
 
 
 def errors(axes: Any, values: Values) -> None:
-    """How many times as fast, against the error."""
+    """Draw against the error how many times as fast each technique is."""
     for (name, one), color, marker in zip(values.items(), cycle(COLORS[:4]), cycle("osDv"), strict=False):
         speeds = [1.0, *(times["median"] for times in one["times"].values())]
         solid = name.startswith(next(iter(values)).partition(",")[0])
@@ -155,7 +156,7 @@ def errors(axes: Any, values: Values) -> None:
 
 
 def features(axes: Any, values: Values) -> None:
-    """A bar for each feature: the mean over the scenes, and from the least to the greatest."""
+    """Draw a bar for each feature: the mean over the scenes, with a line from the least to the greatest."""
     names = [name.replace("`", "") for name in values]
     times = [[one["median"] for one in scenes.values()] for scenes in values.values()]
     means = [math.prod(one) ** (1 / len(one)) for one in times]
@@ -198,7 +199,7 @@ PLOTS: dict[str, Callable[[Any, Values], None]] = {
 
 
 def draw(found: Values) -> dict[str, bytes]:
-    """A PNG for each figure that has a plot and was measured. Raises ImportError without matplotlib."""
+    """Return a PNG for each figure that has a plot and was measured. Raises ImportError without matplotlib."""
     import matplotlib
     from matplotlib.figure import Figure
 

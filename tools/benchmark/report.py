@@ -1,4 +1,4 @@
-"""What was found, as text: tables for the terminal, Markdown between two markers of a document."""
+"""Writes the results as text: tables for the terminal, and Markdown between two markers of a document."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VERDICTS = {True: "met", False: "not met", None: "not judged"}
 
 
 def machine() -> dict[str, Any]:
-    """What is known of this machine without a device."""
+    """Return what is known of this machine without a device."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -50,12 +50,12 @@ def _version(package: str) -> str:
 
 
 def bound(target: Values) -> str:
-    """A target's bound as text."""
+    """Return a target's bound as text."""
     return f"{target['sense']} {target['bound']:g}"
 
 
 def targets_table(found: Values) -> list[list[str]]:
-    """All targets of all figures, in order."""
+    """Return a table of all targets of all figures, in order."""
     rows = [["figure", "target", "bound", "measured", "result"]]
     for name, figure in found["figures"].items():
         for one in figure.get("targets", []):
@@ -64,7 +64,7 @@ def targets_table(found: Values) -> list[list[str]]:
 
 
 def remarks(found: Values) -> list[str]:
-    """What was left out, reduced or broken off."""
+    """Return remarks on what was skipped, reduced or interrupted."""
     lines = ["broken off: what was finished is here"] if found.get("interrupted") else []
     lines += [f"changed: {text}" for text in found.get("reduced", [])]
     lines += [f"left out: {name}: {reason}" for name, reason in found.get("missing", {}).items()]
@@ -74,7 +74,7 @@ def remarks(found: Values) -> list[str]:
 
 
 def aligned(rows: list[list[str]]) -> list[str]:
-    """Columns for the terminal: the first to the left, the others to the right."""
+    """Return columns for the terminal. The first is left-aligned, the others are right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for first, *others in rows:
@@ -84,14 +84,14 @@ def aligned(rows: list[list[str]]) -> list[str]:
 
 
 def piped(rows: list[list[str]]) -> list[str]:
-    """The same as a Markdown table."""
+    """Return the rows as a Markdown table."""
     heading, *body = rows
     rule = ["---", *["--:"] * (len(heading) - 1)]
     return [f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in (heading, rule, *body)]
 
 
 def as_text(found: Values) -> str:
-    """Everything for the terminal."""
+    """Return all results for the terminal."""
     lines = [f"{found['date']}; " + ", ".join(f"{name}: {value}" for name, value in found["machine"].items())]
     for name, figure in found["figures"].items():
         if "table" in figure:
@@ -103,7 +103,7 @@ def as_text(found: Values) -> str:
 
 
 def as_markdown(found: Values, pictures: Iterable[str] = ()) -> str:
-    """Everything for a document; pictures: paths such as `performance/layers.png`, each shown below its figure."""
+    """Return all results for a document. pictures: paths such as `performance/layers.png`, each shown below its figure."""
     shown = {Path(path).stem: path for path in pictures}
     lines = [f"Measured on {found['date']}:", ""]
     lines += [f"- {name}: {value}" for name, value in found["machine"].items()]
@@ -123,7 +123,10 @@ def as_markdown(found: Values, pictures: Iterable[str] = ()) -> str:
 
 
 def between_markers(document: str, text: str) -> str:
-    """The document with what stands between its markers replaced; ValueError where it has not one of each, in order."""
+    """Return the document with the text between its markers replaced.
+
+    Raises ValueError unless it has each marker once and in order.
+    """
     before, begin, rest = document.partition(BEGIN)
     old, end, after = rest.partition(END)
     if not (begin and end) or BEGIN in old or BEGIN in after or END in after:

@@ -1,4 +1,4 @@
-"""How figures are measured: settings, processes that take turns, medians with their spread."""
+"""How figures are measured: settings, processes that take turns, and medians with their spread."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ TOOLS = Path(__file__).resolve().parent.parent
 SHARED = Path(os.environ.get("CLPEEL_SHARED", TOOLS.parent.parent / "shared"))
 SCENES = ("dragon", "spheres", "boxes", "grass")
 MODELS = {"dragon": "dragon_vrip.ply.gz"}
-"""Scenes that are read from a folder `models` beside that of the scenes."""
+"""Scenes that are read from files, in a folder `models` beside the scenes' folder."""
 CACHES = ("POCL_CACHE_DIR", "PYOPENCL_CACHE_DIR")
-"""Where else compiled kernels are kept, besides HOME."""
+"""Variables that name other folders with compiled kernels, besides HOME."""
 
 Values = dict[str, Any]
 
 
 class Skipped(Exception):
-    """What a figure needs is not there; the text says what."""
+    """Something that a figure needs is missing. The text says what."""
 
 
 class Failed(Exception):
-    """A measured program failed; the text is its last word."""
+    """A measured program failed. The text is the last line of its output."""
 
 
 def setting(default: Any, text: str) -> Any:
-    """A field of Settings and what it is called in a report."""
+    """Return a field of Settings with its name in a report."""
     return field(default=default, metadata={"text": text})
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is measured, and how often; anything other than these defaults is reported."""
+    """What is measured, and how often. Settings that differ from these defaults are reported."""
 
     rounds: int = setting(5, "rounds in which processes take turns")
     frames: int = setting(5, "timed frames of a process")
@@ -56,7 +56,7 @@ class Settings:
 
     @property
     def reduced(self) -> list[str]:
-        """What is not as by default."""
+        """The settings that differ from their defaults."""
         return [
             f"{one.metadata['text']}: {plain(getattr(self, one.name))} in place of {plain(one.default)}"
             for one in fields(self)
@@ -70,29 +70,32 @@ QUICK = Settings(
 
 
 def plain(value: Any) -> str:
-    """A setting as text."""
+    """Return a setting as text."""
     return ", ".join(value) if isinstance(value, tuple) else f"{value:,}"
 
 
 def spread(values: Iterable[float]) -> Values:
-    """The median of the rounds with their least and greatest."""
+    """Return the median of the rounds with their least and greatest."""
     values = list(values)
     return {"median": statistics.median(values), "least": min(values), "greatest": max(values), "rounds": values}
 
 
 def ratio(above: Iterable[float], below: Iterable[float]) -> Values:
-    """The spread of the quotients round by round, so that what slowed both in a round cancels."""
+    """Return the spread of the quotients of each round. What slows both sides of a round cancels."""
     return spread(a / b for a, b in zip(above, below, strict=False))
 
 
 def target(what: str, value: float, sense: str, bound: float, judged: bool = True) -> Values:
-    """A target and whether it is met; None where what was measured is not what the target speaks of."""
+    """Return a target and whether it is met.
+
+    That is None if the measurement is not the one that the target is set for.
+    """
     met = value <= bound if sense == "<=" else value >= bound
     return {"what": what, "value": value, "sense": sense, "bound": bound, "met": met if judged else None}
 
 
 def run(command: list[str], environment: dict[str, str]) -> str:
-    """What a program prints; Failed with its last words when it fails."""
+    """Return what a program prints. Raises Failed with its last line if it fails."""
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         raise Failed((done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1].strip())
@@ -100,15 +103,15 @@ def run(command: list[str], environment: dict[str, str]) -> str:
 
 
 class Bench:
-    """One run of the tool: settings, the environment of its processes, and what figures share."""
+    """One run of the tool: its settings, the environment of its processes, and what several figures share."""
 
     def __init__(self, settings: Settings, folder: Path | None, device: str | None, wanted: Iterable[str]) -> None:
-        """folder: with scenes.py and vtk_peer.py, or None; device: an OpenCL device; wanted: names of figures."""
+        """folder: one with scenes.py and vtk_peer.py, or None. device: an OpenCL device. wanted: the names of figures."""
         self.settings = settings
         self.folder = folder
         self.wanted = tuple(wanted)
         self.missing: dict[str, str] = {}
-        """What was left out, a scene or a peer, and why."""
+        """By name, a scene or a peer that was skipped, and why."""
         self._scratch = tempfile.TemporaryDirectory(prefix="clpeel-bench-")
         self.scratch = Path(self._scratch.name)
         paths = [str(TOOLS), *([str(folder)] if folder else []), os.environ.get("PYTHONPATH", "")]
@@ -117,25 +120,27 @@ class Bench:
         self.environment |= self.device
 
     def close(self) -> None:
-        """Removes what the run left."""
+        """Remove the run's temporary files."""
         self._scratch.cleanup()
 
     def full(self, *names: str) -> bool:
-        """Whether the picture's size and these settings are the defaults, for which the targets are set."""
+        """Return whether the picture's size and the named settings are the defaults, for which the targets are set."""
         return all(getattr(self.settings, name) == getattr(Settings, name) for name in ("size", *names))
 
     def measure(self, case: str, **options: Any) -> Values:
-        """What a case of measure.py finds, in a process of its own."""
+        """Return the result of a case of measure.py, which runs in its own process."""
         command = [sys.executable, "-P", "-m", "benchmark.measure", case, json.dumps(options)]
         answer: Values = json.loads(run(command, self.environment).splitlines()[-1])
         return answer
 
     def job(self, scene: list[Any], size: int | None = None, **options: Any) -> Values:
-        """A scene [name, numbers...] to be rendered with options of `Renderer.render`."""
+        """Return a job: a scene [name, numbers...] to render with options of `Renderer.render`."""
         return {"scene": scene, "size": size or self.settings.size, "options": options}
 
     def take_turns(self, jobs: list[Values], together: bool) -> list[list[Values]]:
-        """What each job took in each round: frame by frame in one process, or each in a process of its own."""
+        """Return what each job took in each round. together: frame by frame in one process, else one process for each
+        job.
+        """
         found: list[list[Values]] = [[] for _ in jobs]
         for _ in range(self.settings.rounds):
             for part in [jobs] if together else [[job] for job in jobs]:
@@ -148,7 +153,7 @@ class Bench:
 
     @cached_property
     def scenes(self) -> dict[str, list[Any]]:
-        """The scenes at hand, own ones where there is no folder: name to [maker, numbers...]."""
+        """The available scenes, by name: [maker, numbers...]. Without a folder, they are the tool's own."""
         if self.folder is None:
             return {"boxes": ["boxes"], "soup": ["soup", self.settings.triangles // 10, self.settings.size]}
         found: dict[str, list[Any]] = {}
@@ -156,7 +161,7 @@ class Bench:
             if name not in MODELS:
                 found[name] = [name]
                 continue
-            found[name] = [str(self.scratch / f"{name}.ply")]  # read once, from a text file, and kept for all
+            found[name] = [str(self.scratch / f"{name}.ply")]  # read once from a compressed file, and kept for all
             try:
                 self.measure("keep", model=str(self.folder.parent / "models" / MODELS[name]), path=found[name][0])
             except Failed as failure:
@@ -166,7 +171,7 @@ class Bench:
 
     @cached_property
     def scene_rounds(self) -> dict[str, dict[str, Any]]:
-        """Each scene: seconds a frame in each round of "clpeel" and of the peers wanted, stats, and "differs"."""
+        """For each scene: the seconds per frame in each round of "clpeel" and the wanted peers, stats, and "differs"."""
         return {name: self._rounds(name, scene) for name, scene in self.scenes.items()}
 
     def _rounds(self, name: str, scene: list[Any]) -> Values:
@@ -190,7 +195,7 @@ class Bench:
         return found
 
     def _peers(self, number: int) -> list[str]:
-        """VTK's modes that take part in a round."""
+        """Return the modes of VTK that take part in a round."""
         if self.peer_reason or number >= self.settings.peer_rounds:
             return []
         modes = {"dual": "peeling", "unsorted": "unsorted"}
@@ -198,7 +203,7 @@ class Bench:
 
     @cached_property
     def peer_reason(self) -> str:
-        """Why there is no VTK, or ""."""
+        """The reason why there is no VTK, or an empty text."""
         from importlib.util import find_spec
 
         if self.folder is None:
@@ -215,14 +220,14 @@ class Bench:
 
     @cached_property
     def bandwidth(self) -> Values:
-        """The best of the rounds' copies."""
+        """The best of the copies of all rounds."""
         rounds = [
             self.measure("bandwidth", nbytes=self.settings.probe << 20, repeats=5) for _ in range(self.settings.rounds)
         ]
         return max(rounds, key=lambda one: float(one["bytes_per_second"]))
 
     def command_seconds(self, arguments: list[str], home: str) -> float:
-        """Whole-process seconds of the command `clpeel` with its caches in a folder."""
+        """Return the seconds of the whole process of the command `clpeel`, with its caches in the folder `home`."""
         script = Path(sys.executable).with_name("clpeel")
         command = [str(script)] if script.is_file() else [sys.executable, "-m", "clpeel"]
         environment = {name: value for name, value in os.environ.items() if name not in CACHES}
@@ -233,7 +238,7 @@ class Bench:
 
 
 def differences(ours: str, theirs: str) -> dict[str, float]:
-    """Shares of the pixels of two pictures that differ by more than so many steps of 255."""
+    """Return the shares of pixels of two pictures that differ by more than 1, 2 and 8 steps of 255."""
     import numpy as np
 
     off = np.abs(np.load(ours).astype(int) - np.load(theirs))[..., :3].max(axis=2)

@@ -1,1 +1,1 @@
-"""What tools/plot_extremes.py measures, and how it is drawn."""
+"""What tools/plot_extremes.py measures, and how that is drawn."""

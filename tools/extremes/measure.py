@@ -1,4 +1,4 @@
-"""How far pictures are off at the extremes: real renders beside float64, and the bounds that are known beforehand."""
+"""Errors of pictures at the extremes: real renders compared with float64, and the bounds that are known beforehand."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from clpeel.techniques.precision import DEFAULT_PRECISION, PrecisionName
 
 Floats = NDArray[np.float64]
 Points = dict[float, float]
-"""What was found at each place of the horizontal axis."""
+"""The measured value at each place of the horizontal axis."""
 Series = dict[str, Points]
-"""By name: a technique and its precision, or a depth format, or which positions."""
+"""By name: a technique with its precision, a depth format, or a kind of positions."""
 Report = Callable[[str], None]
 
 UNIT = 2.0**-24
@@ -35,21 +35,22 @@ VIEW = clpeel.Camera((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), view_angle=90.0, clippin
 RGB = (1.0, 0.7, 0.3)
 PEELS = 4  # of glowscript
 MOST = {"depth-peeling": 4096, "dual-depth-peeling": 4096, "multi-layer-peeling": 16_384}
-"""Layers that a technique goes through in sane time: its passes go over all of them, so that it takes N^2 steps."""
+"""The most layers that a technique can draw in reasonable time. Each of its passes visits all N layers, so it takes N^2
+steps."""
 
 
 def own_precisions(name: str) -> list[PrecisionName]:
-    """Float32 and that of the technique's paper."""
+    """Return float32 and the precision of the technique's paper."""
     return list(dict.fromkeys((DEFAULT_PRECISION, TECHNIQUES[name].paper_precision)))
 
 
 def blending() -> list[str]:
-    """The techniques that blend layers of one pixel to a colour, and make no map."""
+    """Return the techniques that blend the layers of a pixel to a colour, and make no map."""
     return [name for name, made in TECHNIQUES.items() if "precision" in made.option_names and not made.maps]
 
 
 def series_name(technique: str, precision: str) -> str:
-    """As the tables and plots call it."""
+    """Return the name that tables and plots use."""
     return f"{technique}, {precision}"
 
 
@@ -57,27 +58,32 @@ def series_name(technique: str, precision: str) -> str:
 
 
 def float32_bound(layers: float) -> float:
-    """3 N 2^-24: the float32 error of blending N layers."""
+    """Return 3 N 2^-24: the bound of the float32 error of blending N layers."""
     return 3 * layers * UNIT
 
 
 def over_bound(alpha: float) -> float:
-    """0.5 / a steps of 8 bits, whatever N: each blend is half a step off, and passes on 1 - a of what it was given."""
+    """Return 0.5 / a steps of 8 bits, as a share of 1, for any number of layers.
+
+    Each blend is off by half a step, and passes on 1 - a of the error that it received.
+    """
     return min(0.5 / alpha / STEPS, 1.0)
 
 
 def half_bound(layers: float) -> float:
-    """(N - 1) 2^-11 of a sum of N numbers in 16-bit floats."""
+    """Return (N - 1) 2^-11: the bound of the error of a sum of N numbers in 16-bit floats."""
     return (layers - 1) * 2.0**-11
 
 
 def reversed_resolution() -> float:
-    """2^-23 of a distance Z: half of what float32 leaves between near / Z and the next, on either side."""
+    """Return 2^-23 of a distance Z: half of the gap that float32 leaves between near / Z and the next number, on either
+    side.
+    """
     return 2.0**-23
 
 
 def window_resolution(distance: float, near: float) -> float:
-    """Z^2 2^-24 / near of standard window depth, as a share of the distance Z."""
+    """Return Z^2 2^-24 / near, the resolution of standard window depth, as a share of the distance Z."""
     return distance * 2.0**-24 / near
 
 
@@ -85,7 +91,7 @@ def window_resolution(distance: float, near: float) -> float:
 
 
 def stack(colors: Floats, away: Sequence[float] | Floats) -> clpeel.Scene:
-    """A triangle for each layer that fills VIEW, at these distances."""
+    """Return a triangle for each layer, which fills VIEW, at these distances."""
     away = np.asarray(away, np.float64)
     corners = np.empty((len(away), 3, 3))
     corners[..., :2] = np.array([[-4.0, -4.0], [12.0, -4.0], [-4.0, 12.0]]) * away[:, None, None]
@@ -95,9 +101,9 @@ def stack(colors: Floats, away: Sequence[float] | Floats) -> clpeel.Scene:
 
 
 def own_truth(technique: str, colors: Floats) -> Floats:
-    """The technique's own equation of layers [n, 4], front to back, in float64: premultiplied RGBA.
+    """Return the technique's own equation for layers [n, 4], front to back, in float64: premultiplied RGBA.
 
-    What it leaves out, or takes for granted, is thus no error: that is another matter (docs/compare.md).
+    So what the technique ignores or assumes by design is not counted as an error here. docs/compare.md measures that.
     """
     colors = colors.astype(np.float32).astype(np.float64)
     rgb, alpha = colors[:, :3], colors[:, 3]
@@ -115,7 +121,10 @@ def own_truth(technique: str, colors: Floats) -> Floats:
 
 
 def error_of(technique: str, precision: PrecisionName, colors: Floats, device: str | None = None) -> float:
-    """The greatest error of a channel, alpha too, as a share of the greatest number where that is above 1."""
+    """Return the greatest error of a channel, including alpha.
+
+    If numbers exceed 1, it is a share of the greatest number.
+    """
     away = np.linspace(1, 7, len(colors))
     result = clpeel.render(
         stack(colors, away), VIEW, (1, 1), technique, device=device, precision=precision, opaque="blend"
@@ -126,7 +135,7 @@ def error_of(technique: str, precision: PrecisionName, colors: Floats, device: s
 
 
 def layers_of(count: int, alpha: float | None, seed: int = 0) -> Floats:
-    """N equal layers, or random ones: colours and alphas, these as likely small as great, from 10^-4 to 1."""
+    """Return N equal layers, or N random ones. Random alphas are log-uniform from 10^-4 to 1."""
     if alpha is not None:
         return np.tile([*RGB, alpha], (count, 1))
     rng = np.random.default_rng([count, seed])
@@ -136,7 +145,7 @@ def layers_of(count: int, alpha: float | None, seed: int = 0) -> Floats:
 def against_layers(
     counts: Iterable[int], alpha: float | None, say: Report, device: str | None = None, seeds: int = 4
 ) -> Series:
-    """Errors against the number of layers; of random ones the greatest of some."""
+    """Return errors against the number of layers. For random layers, the greatest of several seeds counts."""
     found: Series = {}
     counts = list(counts)
     for technique in blending():
@@ -153,7 +162,7 @@ def against_layers(
 
 
 def against_alpha(alphas: Iterable[float], count: int, say: Report, device: str | None = None) -> Series:
-    """Errors of N equal layers against their alpha."""
+    """Return errors of N equal layers against their alpha."""
     alphas = list(alphas)
     found: Series = {}
     for technique in blending():
@@ -169,7 +178,7 @@ def against_alpha(alphas: Iterable[float], count: int, say: Report, device: str 
 
 
 def sums_of(alphas: Iterable[float], counts: Iterable[int], say: Report, device: str | None = None) -> Series:
-    """What white layers add up to in 16-bit floats, by weighted-sum, against their number."""
+    """Return the sums of white layers in 16-bit floats, by weighted-sum, against the number of layers."""
     counts = list(counts)
     found: Series = {}
     for alpha in alphas:
@@ -185,14 +194,14 @@ def sums_of(alphas: Iterable[float], counts: Iterable[int], say: Report, device:
 # --- depth ------------------------------------------------------------------------------------------------------------
 
 SHARE = 0.5
-"""Where the two surfaces are, of the far plane's distance."""
+"""The distance of the two surfaces, as a share of the far plane's distance."""
 NEAR = 1.0
 SLANT = 0.05
-"""How their distance varies from one side of the picture to the other, so that pixels differ in how depths round."""
+"""The slope of their distance across the picture, so that depths round differently in different pixels."""
 
 
 def tells_apart(separation: float, far: float, depth_format: DepthFormat, device: str | None = None) -> bool:
-    """Whether the nearer of two parallel surfaces is in front everywhere, though it is submitted last."""
+    """Return whether the nearer of two parallel surfaces is in front everywhere, though it is submitted last."""
     distance = SHARE * far
     corners = []
     for away in (distance * (1 + separation), distance):
@@ -209,7 +218,10 @@ def tells_apart(separation: float, far: float, depth_format: DepthFormat, device
 
 
 def least_separation(far: float, depth_format: DepthFormat, device: str | None = None, steps: int = 24) -> float:
-    """The least that tells them apart, as a share of their distance, by bisection; infinite where nothing does."""
+    """Return the least separation at which they are told apart, as a share of their distance, found by bisection.
+
+    It is infinite if even the widest separation is not told apart.
+    """
     low, high = 2.0**-40, 0.2
     if not tells_apart(high, far, depth_format, device):
         return math.inf
@@ -223,7 +235,7 @@ def least_separation(far: float, depth_format: DepthFormat, device: str | None =
 
 
 def against_range(ratios: Iterable[float], say: Report, device: str | None = None, steps: int = 24) -> Series:
-    """The least separation of each depth format against far / near."""
+    """Return the least separation of each depth format against far / near."""
     ratios = list(ratios)
     found: Series = {}
     for depth_format in DEPTH_FORMATS:
@@ -236,12 +248,12 @@ def against_range(ratios: Iterable[float], say: Report, device: str | None = Non
 # --- distance from the origin -----------------------------------------------------------------------------------------
 
 DETAIL = 1e-3
-"""The size of what is drawn."""
+"""The size of what is drawn, in scene units."""
 AS_GIVEN, ROUNDED = "clpeel", "positions rounded to float32 first"
 
 
 def star(seed: int = 5) -> tuple[Floats, list[list[int]]]:
-    """Six triangles, DETAIL large, at a common centre and at random angles: corners [n, 3], faces."""
+    """Return six triangles of size DETAIL around a common centre, at random angles: corners [n, 3], and faces."""
     rng = np.random.default_rng(seed)
     angles = rng.uniform(0, 2 * np.pi, 6)
     corners = []
@@ -254,13 +266,14 @@ def star(seed: int = 5) -> tuple[Floats, list[list[int]]]:
 def edges_moved(
     distance: float, size: int, positions: str = AS_GIVEN, device: str | None = None
 ) -> tuple[float, float]:
-    """How far edges are on average from where they are at the origin, in DETAIL; and the least that can be seen.
+    """Return how far edges are on average from where they are at the origin, in DETAIL, and the least visible distance.
 
-    It is the area that a scene moved by `distance` along each axis has drawn otherwise, over the length of its edges.
+    This is the area that changes if the scene is moved by `distance` along each axis, divided by the length of its
+    edges.
     """
     corners, faces = star()
     offset = np.array([1.0, -1.0, 1.0]) * distance
-    pixel = 1.0 / size  # in DETAIL: the view is DETAIL wide
+    pixel = 1.0 / size  # in DETAIL, as the view is DETAIL wide
     rgba = np.tile([0.2, 0.4, 0.6, 0.5], (len(faces), 1)).astype(np.float32)
     pictures = []
     for at in (np.zeros(3), offset):
@@ -282,7 +295,7 @@ def edges_moved(
 
 
 def against_distance(distances: Iterable[float], say: Report, device: str | None = None, size: int = 512) -> Series:
-    """How far edges move against the distance from the origin, with positions as they are given, and rounded before."""
+    """Return how far edges move against the distance from the origin, for given positions and for rounded ones."""
     distances = list(distances)
     found: Series = {}
     for positions in (AS_GIVEN, ROUNDED):
@@ -296,13 +309,13 @@ def against_distance(distances: Iterable[float], say: Report, device: str | None
 PEER = "VTK, dual depth peeling"
 Figures = dict[str, float]
 COUNTED = (0, 1, 2, 3, 4, 6, 8)
-"""Of a picture's values, what share is off by more steps than that."""
+"""The limits, in steps, of the shares of pixels that are counted."""
 
 
 def steps_off(image: NDArray[np.uint8], truth: NDArray[np.uint8], covered: NDArray[np.bool_]) -> Figures:
-    """Of pixels, the shares that are off by more than so many steps in a channel; RMS and greatest, in steps.
+    """Return the shares of pixels with a channel that is off by more than so many steps; also the RMS and the greatest.
 
-    covered: the pixels that any surface covers, of which there is a share besides.
+    RMS and greatest are in steps. covered: the pixels that any surface covers, which also get a share of their own.
     """
     off = np.abs(image[..., :3].astype(int) - truth[..., :3])
     worst = off.max(axis=-1)
@@ -316,7 +329,7 @@ def steps_off(image: NDArray[np.uint8], truth: NDArray[np.uint8], covered: NDArr
 
 
 def peers_picture(folder: Path, name: str, size: int) -> NDArray[np.uint8] | str:
-    """VTK's picture of a scene of the bench, or why there is none."""
+    """Return VTK's picture of a scene of the benchmark, or why there is none."""
     if not (folder / "vtk_peer.py").is_file():
         return f"no vtk_peer.py in {folder.name!r} (--scenes, or CLPEEL_SHARED)"
     if find_spec("vtk") is None:
@@ -333,7 +346,7 @@ def peers_picture(folder: Path, name: str, size: int) -> NDArray[np.uint8] | str
 
 
 def bench_scene(folder: Path, name: str) -> tuple[clpeel.Scene, clpeel.Camera] | None:
-    """A scene of the bench and its camera, or None where there is no bench."""
+    """Return a scene of the benchmark and its camera, or None if there is no benchmark."""
     path = folder / "scenes.py"
     if not path.is_file():
         return None
@@ -360,9 +373,9 @@ def bench_scene(folder: Path, name: str) -> tuple[clpeel.Scene, clpeel.Camera] |
 def in_8_bits(
     say: Report, folder: Path = SHARED / "bench", name: str = "grass", size: int = 1024, device: str | None = None
 ) -> tuple[dict[str, Figures], str]:
-    """Of pictures of 8 bits, how many steps they are from float64's: ours, ours with buffers of 8 bits, and VTK's.
+    """Return how many steps 8-bit pictures are from float64: ours, ours with 8-bit buffers, and VTK's.
 
-    Returns what was found, and what is missing.
+    Also returns what is missing, as text.
     """
     held = bench_scene(folder, name)
     if held is None:

@@ -1,5 +1,7 @@
-"""What was measured, drawn with matplotlib: a colour for each technique that the colour-blind can tell from the others,
-a line style for each precision, and the bounds in grey."""
+"""Draws the measurements with matplotlib.
+
+Each technique has a colour that the colour-blind can distinguish, each precision a line style, and the bounds are grey.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +33,11 @@ from extremes.measure import (
 
 STYLES = {"float32": "-", "unorm8": (0, (4, 1.5)), "half": (0, (1, 1.2))}
 MARKERS = {"float32": "o", "unorm8": "s", "half": "^"}
-INKS = (*COLORS[:6], COLORS[7])  # without the yellow, which is faint on white
+INKS = (*COLORS[:6], COLORS[7])  # without yellow, which is too faint on white
 BOUND = {"color": GREY, "linestyle": "--", "linewidth": 1.3, "zorder": 1}
 PLOTTED = COUNTED[:5]
 LEAST = 2.0**-27
-"""Where a plot shows an error that is none, as a logarithm has no place for it."""
+"""The place where a plot shows an error of zero, because a logarithmic axis has no zero."""
 WORDS = {"float32": "float32", "unorm8": "8 bits", "half": "16-bit floats"}
 
 
@@ -55,7 +57,7 @@ def together(found: Series) -> list[tuple[list[str], str, Points]]:
 
 
 def draw_lines(axes: Any, found: Series, techniques: list[str]) -> None:
-    """Errors of techniques and precisions, both axes logarithmic; no error at the bottom."""
+    """Draw the errors of techniques and precisions on two logarithmic axes, with an error of zero at the bottom."""
     for names, precision, points in together(found):
         color = INKS[techniques.index(names[0]) % len(INKS)]
         label = f"{', '.join(names)}: {WORDS[precision]}"
@@ -67,7 +69,7 @@ def draw_lines(axes: Any, found: Series, techniques: list[str]) -> None:
 
 
 def key_below(figure: Any, axes: Any, columns: int = 2) -> None:
-    """One legend for all, below the axes, where it hides nothing."""
+    """Draw one legend for everything below the axes, where it hides nothing."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="outside lower center", ncols=columns, frameon=False, fontsize=9.5, handlelength=3.4
@@ -75,12 +77,12 @@ def key_below(figure: Any, axes: Any, columns: int = 2) -> None:
 
 
 def note(axes: Any, text: str, at: tuple[float, float], align: str = "left") -> None:
-    """Grey words beside a bound."""
+    """Write grey words beside a bound."""
     axes.annotate(text, at, color="#555555", fontsize=9.5, ha=align, va="center")
 
 
 def names_in(*found: Series) -> list[str]:
-    """The techniques, in the order in which they were measured."""
+    """Return the techniques, in the order in which they were measured."""
     return list(dict.fromkeys(name.rpartition(", ")[0] for one in found for name in one))
 
 
@@ -220,11 +222,11 @@ PLOTS: dict[str, tuple[tuple[float, float], Callable[[Any, Any], None]]] = {
     "origin": ((7.5, 4.8), origin),
     "steps": ((8.5, 5), steps),
 }
-"""Size in inches, and who draws it."""
+"""For each figure, its size in inches and the function that draws it."""
 
 
 def draw(found: dict[str, Any]) -> dict[str, bytes]:
-    """A PNG for each figure that was measured. Raises ImportError without matplotlib."""
+    """Return a PNG for each figure that was measured. Raises ImportError without matplotlib."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -238,6 +240,7 @@ def draw(found: dict[str, Any]) -> dict[str, bytes]:
             data = io.BytesIO()
             figure.savefig(data, format="png", dpi=100)
         small = io.BytesIO()
-        Image.open(data).convert("RGB").quantize(256).save(small, format="png", optimize=True)  # a third of the bytes
+        # Takes a third of the bytes.
+        Image.open(data).convert("RGB").quantize(256).save(small, format="png", optimize=True)
         pictures[name] = small.getvalue()
     return pictures
