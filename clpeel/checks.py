@@ -55,7 +55,7 @@ def whole_number(name: str, value: object, most: int, least: int = 1) -> int:
 
 
 def true_or_false(name: str, value: object, hint: str = "") -> bool:
-    """Return the value as a bool, or raise InputError. hint: added to the error, to say what else may have been meant."""
+    """Return the value as a bool, or raise InputError. hint: added to the error, on what else may have been meant."""
     if type(value).__name__ not in ("bool", "bool_") and value not in (0, 1):
         raise InputError(f"{name}: expected True or False, got {value!r}{hint}")
     return bool(value)

@@ -103,7 +103,10 @@ def as_text(found: Values) -> str:
 
 
 def as_markdown(found: Values, pictures: Iterable[str] = ()) -> str:
-    """Return all results for a document. pictures: paths such as `performance/layers.png`, each shown below its figure."""
+    """Return all results for a document.
+
+    pictures: paths such as `performance/layers.png`. Each is shown below its figure.
+    """
     shown = {Path(path).stem: path for path in pictures}
     lines = [f"Measured on {found['date']}:", ""]
     lines += [f"- {name}: {value}" for name, value in found["machine"].items()]

@@ -106,7 +106,7 @@ class Bench:
     """One run of the tool: its settings, the environment of its processes, and what several figures share."""
 
     def __init__(self, settings: Settings, folder: Path | None, device: str | None, wanted: Iterable[str]) -> None:
-        """folder: one with scenes.py and vtk_peer.py, or None. device: an OpenCL device. wanted: the names of figures."""
+        """folder: has scenes.py and vtk_peer.py, or None. device: an OpenCL device. wanted: the names of figures."""
         self.settings = settings
         self.folder = folder
         self.wanted = tuple(wanted)
@@ -161,7 +161,7 @@ class Bench:
             if name not in MODELS:
                 found[name] = [name]
                 continue
-            found[name] = [str(self.scratch / f"{name}.ply")]  # read once from a compressed file, and kept for all
+            found[name] = [str(self.scratch / f"{name}.ply")]  # read once from a compressed text file, and kept
             try:
                 self.measure("keep", model=str(self.folder.parent / "models" / MODELS[name]), path=found[name][0])
             except Failed as failure:
@@ -171,7 +171,7 @@ class Bench:
 
     @cached_property
     def scene_rounds(self) -> dict[str, dict[str, Any]]:
-        """For each scene: the seconds per frame in each round of "clpeel" and the wanted peers, stats, and "differs"."""
+        """For each scene: the seconds per frame of each round, for "clpeel" and the wanted peers; stats; and "differs"."""
         return {name: self._rounds(name, scene) for name, scene in self.scenes.items()}
 
     def _rounds(self, name: str, scene: list[Any]) -> Values:
