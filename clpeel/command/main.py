@@ -57,7 +57,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
 
 
 def _explain(error: Exception) -> tuple[str, int]:
-    """Return the exit code and, before it, one line that says what went wrong and what to do."""
+    """Return one line that says what went wrong and what to do, and the exit code."""
     first_line = next(iter(str(error).splitlines()), "")
     if isinstance(error, ClpeelError):
         return first_line, error.exit_code

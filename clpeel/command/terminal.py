@@ -112,8 +112,9 @@ HISTOGRAM_WIDTH = 48
 
 
 def format_complexity(figures: Figures) -> str:
-    """Return the figures of a Complexity as text: the counts, a histogram of covered pixels, and each technique's
-    needs.
+    """Return the figures of a Complexity as text.
+
+    These are the counts, a histogram of covered pixels, and what each technique needs.
     """
     width, height = figures["size"]
     lines = [f"{width:,} x {height:,} pixels, {figures['triangles']:,} triangles"]

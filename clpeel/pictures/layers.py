@@ -28,8 +28,8 @@ class Layers:
     """The layers of every pixel, front to back: a layered depth image (Shade et al. 1998).
 
     size: (width, height) in pixels.
-    start: int64 [height * width + 1]. The layers of the pixel at (row, column), row 0 on top, are start[p] : start[p +
-    1] with p = row * width + column.
+    start: int64 [height * width + 1]. The layers of the pixel at (row, column), row 0 on top, have the indices
+    start[p] : start[p + 1] with p = row * width + column.
     color: float32 [n, 4], straight RGBA 0..1, lit if the picture was lit.
     depth: float32 [n], the distance from the camera along its view axis in scene units. It is float64 if float32 cannot
     hold the distances.

@@ -35,8 +35,7 @@ At this share, half of the depths' bits are left for the scene."""
 
 
 THINNEST_SLICE = 2.0**-40
-"""The thinnest orthographic range, as a share of the scene's extent. Positions of 48 bits hardly allow a thinner one.
-"""
+"""The thinnest orthographic range, as a share of the scene's extent. Positions of 48 bits hardly allow less."""
 
 
 FLAT = 1e-6
@@ -46,7 +45,7 @@ ABOVE = 0.1
 """A view counts as looking straight down or up if the sine of its angle to the vertical is at most this."""
 
 SAMPLE_FACES = 1000
-"""The number of faces to sample first. They show of most scenes, however large, that they are not flat."""
+"""The number of faces to sample first. In most scenes, however large, they already show that the scene is not flat."""
 
 
 class Degrees(float):
@@ -89,9 +88,9 @@ def checked_view_angle(value: float) -> Degrees:
 class Camera:
     """A camera in world units, with the same meaning as VTK's.
 
-    position, focal_point, view_up: 3 numbers each. view_angle: degrees, vertical, in (0, 180). clipping_range: (near,
-    far) view distances in world units, or None to fit the scene. An orthographic view reaches |position - focal_point|
-    * tan(view_angle / 2) from the centre up, so that the framing stays the same in both modes.
+    position, focal_point, view_up: 3 numbers each. view_angle: degrees, vertical, in (0, 180). clipping_range: view
+    distances (near, far) in world units, or None to fit the scene. From its centre up, an orthographic view reaches
+    |position - focal_point| * tan(view_angle / 2), so that the framing stays the same in both modes.
 
     Raises InputError if a value is not finite, the position is the focal point, view_up is parallel to the view,
     view_angle is out of range, or near >= far (or near <= 0 in perspective).

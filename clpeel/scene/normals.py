@@ -213,10 +213,9 @@ def _in_groups(unit: Floats, area: Floats, crease: float) -> Floats:
 def _split(
     scene: Scene, normals: NDArray[np.float32], own: NDArray[np.bool_], corner_normals: NDArray[np.float32]
 ) -> Scene:
-    """Return the scene with vertex normals [n, 3], but with corner_normals [k, 3] at the corners where own [m, 3] is
-    set.
+    """Return the scene with vertex normals [n, 3], except at the k corners where own [m, 3] is set.
 
-    A vertex is repeated for each further normal that its corners need. Its colours are repeated with it.
+    Those corners get corner_normals [k, 3]. A vertex is repeated for each further normal that its corners need. Its colours are repeated with it.
     """
     asking = scene.faces[own].astype(np.int64)
     first, variant = _distinct(np.ascontiguousarray(np.column_stack([asking, corner_normals]).T, dtype=np.float64))

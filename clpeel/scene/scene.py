@@ -116,8 +116,9 @@ class Scene:
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
-        """The least and the greatest corner of the finite vertices that faces use: float64 [2, 3], zeros if there are
-        none.
+        """The least and the greatest corner of the finite vertices that faces use: float64 [2, 3].
+
+        They are zeros if there is no such vertex.
         """
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.faces.reshape(-1)] = True

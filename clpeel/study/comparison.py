@@ -196,8 +196,9 @@ class Comparison:
         ]
 
     def to_json(self) -> str:
-        """Return JSON: `facts`, and each row's figures, `on_front` and `seconds` of each frame. Infinite numbers are
-        null.
+        """Return JSON: `facts`, and each row's figures, `on_front` and `seconds` of each frame.
+
+        Infinite numbers are null.
         """
         rows = [
             {**row.figures(), "on_front": on, "seconds": list(row.seconds)}

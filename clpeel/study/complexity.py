@@ -33,7 +33,7 @@ PIXEL_BYTES = 4 + 4 + 4 + 1
 """Host memory of a pixel, in bytes: the counts as they come, the two maps, and a heat map."""
 
 SOON = 0.3
-"""In seconds. A count that takes less than this is repeated, because the first one also pays for new memory."""
+"""A count that takes fewer seconds than this is repeated, because the first one also pays for new memory."""
 
 STRIP_PIXELS = 1 << 20
 """The number of pixels that are processed at once. This bounds the memory that is needed besides the maps."""

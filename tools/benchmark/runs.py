@@ -138,8 +138,9 @@ class Bench:
         return {"scene": scene, "size": size or self.settings.size, "options": options}
 
     def take_turns(self, jobs: list[Values], together: bool) -> list[list[Values]]:
-        """Return what each job took in each round. together: frame by frame in one process, else one process for each
-        job.
+        """Return what each job took in each round.
+
+        together: whether the jobs take turns frame by frame in one process. Else each job gets its own process.
         """
         found: list[list[Values]] = [[] for _ in jobs]
         for _ in range(self.settings.rounds):
@@ -171,7 +172,7 @@ class Bench:
 
     @cached_property
     def scene_rounds(self) -> dict[str, dict[str, Any]]:
-        """For each scene: the seconds per frame of each round, for "clpeel" and the wanted peers; stats; and "differs"."""
+        """For each scene: seconds per frame of each round, of "clpeel" and the wanted peers; stats; and "differs"."""
         return {name: self._rounds(name, scene) for name, scene in self.scenes.items()}
 
     def _rounds(self, name: str, scene: list[Any]) -> Values:

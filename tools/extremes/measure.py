@@ -76,8 +76,9 @@ def half_bound(layers: float) -> float:
 
 
 def reversed_resolution() -> float:
-    """Return 2^-23 of a distance Z: half of the gap that float32 leaves between near / Z and the next number, on either
-    side.
+    """Return 2^-23, the resolution of reversed depth, as a share of the distance Z.
+
+    It is half of the gap that float32 leaves between near / Z and the next number, on either side.
     """
     return 2.0**-23
 
