@@ -1,4 +1,4 @@
-"""Measures how fast clpeel is, compared with VTK and with the limit of memory, and says which targets are met.
+"""Measures how fast clpeel is, compared with VTK and with the limit that memory sets, and says which targets are met.
 
     python tools/bench.py                                       everything, in about a quarter of an hour
     python tools/bench.py --quick                               less, in under two minutes

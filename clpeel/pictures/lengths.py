@@ -14,7 +14,7 @@ def scaled(lengths: NDArray[np.float32], unit: float) -> Lengths:
 
 
 def narrowed(lengths: NDArray[np.float64]) -> Lengths:
-    """Return the lengths as float32 if that keeps its full precision for all of them, else as they are.
+    """Return the lengths as float32 if it can hold all of them in its full precision, else as they are.
 
     Only finite lengths other than 0 are tested.
     """

@@ -14,7 +14,9 @@ _ODD = [np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B
 def duplicates(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.intp]:
     """Return the sorted indices of the faces whose corners lie exactly where those of an earlier face do.
 
-    The corners may be in any order. vertices: float64 [n, 3]; -0.0 equals 0.0, and NaN equals nothing. faces: int32 [m, 3].
+    The corners may be in any order.
+
+    vertices: float64 [n, 3]; -0.0 equals 0.0, and NaN equals nothing. faces: int32 [m, 3].
     """
     points = vertices + 0.0  # turns -0.0 into 0.0, as their bits differ
     corners = _hashes(points)

@@ -215,7 +215,9 @@ def _split(
 ) -> Scene:
     """Return the scene with vertex normals [n, 3], except at the k corners where own [m, 3] is set.
 
-    Those corners get corner_normals [k, 3]. A vertex is repeated for each further normal that its corners need. Its colours are repeated with it.
+    Those corners get corner_normals [k, 3].
+
+    A vertex is repeated for each further normal that its corners need. Its colours are repeated with it.
     """
     asking = scene.faces[own].astype(np.int64)
     first, variant = _distinct(np.ascontiguousarray(np.column_stack([asking, corner_normals]).T, dtype=np.float64))
