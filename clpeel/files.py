@@ -190,7 +190,7 @@ def _told(path: str | os.PathLike[str]) -> Iterator[None]:
         raise InputError(f"output: cannot write '{os.fsdecode(path)}': {error.strerror or error}") from None
 
 
-# --- parts, and those that killed runs have left ----------------------------------------------------------------------
+# --- parts, and how parts of killed runs are removed ------------------------------------------------------------------
 
 
 def _new_part(folder: str) -> str:

@@ -42,7 +42,10 @@ WORDS = {"float32": "float32", "unorm8": "8 bits", "half": "16-bit floats"}
 
 
 def together(found: Series) -> list[tuple[list[str], str, Points]]:
-    """Series in one precision that agree wherever both were measured are one line: names, precision, the longest."""
+    """Return the lines to draw: names of techniques, precision, points.
+
+    Series of one precision that agree wherever both were measured share a line, with the points of the longer one.
+    """
     lines: list[tuple[list[str], str, Points]] = []
     for name, points in found.items():
         technique, _, precision = name.rpartition(", ")
