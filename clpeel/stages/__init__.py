@@ -1,1 +1,1 @@
-"""Stages: a scene to a picture, one file a stage. They alone launch kernels."""
+"""Stages: the steps from a scene to a picture, one file for each. Only stages launch kernels."""

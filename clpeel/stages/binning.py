@@ -1,4 +1,4 @@
-"""Binning: screen triangles to a list for each tile, in submission order, batch by batch."""
+"""Binning: lists for each tile the records that meet it, in submission order, batch by batch."""
 
 from __future__ import annotations
 
@@ -17,47 +17,56 @@ from clpeel.stages.projection import Arguments, Triangles
 
 STAGE = "binning"
 PAIR_BYTES = 4
-"""Of a record in a tile's list: its number."""
+"""Bytes that one record takes in a tile's list: its number."""
 TILE_BYTES = 4 + 8
-"""Of a tile in a batch, whatever it holds: where its list begins, and how many fragments it has."""
+"""Bytes that a tile takes in a batch besides its list: 4 for where the list begins, 8 for its fragment counts."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """The lists of the tiles first_tile .. last_tile: records pairs[pair_start[i] : pair_start[i + 1]]."""
+    """The lists of the tiles first_tile .. last_tile.
+
+    The records of tile first_tile + i are pairs[pair_start[i] : pair_start[i + 1]].
+    """
 
     first_tile: int
     last_tile: int
     pair_start: cl.Buffer  # uint32 [tiles + 1]
-    pairs: cl.Buffer  # uint32 [tile_pairs.sum() and more]
-    tile_pairs: NDArray[np.int64]  # [tiles], how long the lists are
+    pairs: cl.Buffer  # uint32 [tile_pairs.sum(), and padding that the kernel may write to]
+    tile_pairs: NDArray[np.int64]  # [tiles], the length of each list
 
     @property
     def tiles(self) -> int:
-        """How many tiles it has."""
+        """The number of tiles."""
         return self.last_tile - self.first_tile + 1
 
     @property
     def most_layers(self) -> int:
-        """The longest list: no pixel has more layers."""
+        """The length of the longest list. No pixel has more layers than that."""
         return int(self.tile_pairs.max())
 
 
 @dataclass(frozen=True)
 class Tiles:
-    """How many records meet each tile of the image, rows of tiles from the top."""
+    """How many records meet each tile of the image. Tiles are numbered row by row, from the top left.
+
+    columns: tiles in a row. chunk_records, chunk_count: the records are cut into so many chunks of so many records.
+    """
 
     gpu: Workspace
     triangles: Triangles
     columns: int
     chunk_records: int
     chunk_count: int
-    counts: cl.Buffer  # uint32 [chunks, tiles and more]: where each chunk's records begin in the tile's list
-    tile_pairs: NDArray[np.int64]  # [tiles]
+    counts: cl.Buffer  # uint32 [chunks, tiles and padding]: where each chunk's records begin in the tile's list
+    tile_pairs: NDArray[np.int64]  # [tiles], the length of each tile's list
 
     def ranges(self, budget: int, tile_bytes: int = TILE_BYTES) -> list[tuple[int, int]]:
-        """First and last tiles of runs whose lists, and `tile_bytes` for each tile, fit `budget` bytes (one tile at
-        least)."""
+        """Cuts the tiles into runs of consecutive tiles, and returns each run's first and last tile.
+
+        A run's lists, with `tile_bytes` more for each tile, fit `budget` bytes. A run has at least one tile, which may
+        exceed the budget.
+        """
         ends = np.cumsum(self.tile_pairs * PAIR_BYTES + tile_bytes)
         found, tile, before = [], 0, 0
         while tile < len(ends):
@@ -67,19 +76,20 @@ class Tiles:
         return found
 
     def batches(self, budget: int, tile_bytes: int = TILE_BYTES, middle_first: bool = False) -> Iterator[Batch]:
-        """All tiles, in the runs of `ranges`; a batch is gone when the next is asked for.
+        """Yields all tiles in batches, which are the runs of `ranges`. The next batch overwrites the one before.
 
-        middle_first: begins with the run that has the middle one of all records, as one that is like the others.
+        middle_first: begin with the run that contains the middle one of all records. That run is likely to resemble
+        the others, and `auto` examines the first batch.
         """
         runs = self.ranges(budget, tile_bytes)
         if middle_first:
             middle = int(np.searchsorted(np.cumsum(self.tile_pairs), self.tile_pairs.sum() / 2))
-            runs.sort(key=lambda run: not run[0] <= middle <= run[1])  # the others stay in order
+            runs.sort(key=lambda run: not run[0] <= middle <= run[1])  # a stable sort: the other runs stay in order
         for first_tile, last_tile in runs:
             yield self._emit(first_tile, last_tile)
 
     def _emit(self, first_tile: int, last_tile: int) -> Batch:
-        """The lists of these tiles, once: `counts` is used up."""
+        """The lists of these tiles. Works only once for each tile, as the kernel overwrites the tile's `counts`."""
         tile_pairs = self.tile_pairs[first_tile : last_tile + 1]
         starts = np.zeros(len(tile_pairs) + 1, np.int64)
         np.cumsum(tile_pairs, out=starts[1:])
@@ -104,9 +114,9 @@ class Tiles:
 
 
 def bin_triangles(gpu: Workspace, triangles: Triangles, budget: int) -> Tiles:
-    """Counts the records that meet each tile, chunk by chunk, within `budget` bytes.
+    """Counts the records that meet each tile, chunk by chunk. The counts take at most `budget` bytes if one chunk fits.
 
-    Raises InputError when one tile has more than 2**24 records, whose fragments 32 bits could not count.
+    Raises InputError when one tile has 2**24 records or more: its fragments could be too many for a 32-bit count.
     """
     width, height = triangles.size
     columns, rows = -(-width // TILE), -(-height // TILE)
@@ -139,7 +149,7 @@ def bin_triangles(gpu: Workspace, triangles: Triangles, budget: int) -> Tiles:
 
 
 def _walk(triangles: Triangles, columns: int, chunk_records: int, tile_count: int, counts: cl.Buffer) -> Arguments:
-    """The arguments that both walks over the triangles take."""
+    """The arguments that bin_count and bin_emit share: both go through all records in the same way."""
     return {
         "triangles": triangles.records,
         "bounds": triangles.bounds,

@@ -1,4 +1,4 @@
-"""Composition: the picture that layers of premultiplied colour and transmittance are put over a background in."""
+"""Composition: the picture, in which layers (premultiplied colour and transmittance) are put over the background."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from clpeel.checks import Rgb
 from clpeel.device.workspace import Workspace
 
 Map = NDArray[Any]
-"""A map [height, width] that a technique makes, of whatever type its values have."""
+"""A map [height, width] that a technique makes. Its dtype is that of its values."""
 
 CACHE_LINE = 64
-"""Bytes that a device's cores read and write at once, or a multiple."""
+"""Bytes of a cache line of the device, or a multiple of that."""
 
 
 def _aligned(shape: tuple[int, ...], dtype: DTypeLike) -> Map:
-    """An array that begins on a cache line, so that a device which works in it stores whole lines."""
+    """An array that begins on a cache line. A device that writes to it directly then stores whole lines."""
     nbytes = int(np.prod(shape)) * np.dtype(dtype).itemsize
     held = np.empty(nbytes + CACHE_LINE, np.uint8)
     start = -held.ctypes.data % CACHE_LINE
@@ -30,7 +30,10 @@ def _aligned(shape: tuple[int, ...], dtype: DTypeLike) -> Map:
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """A picture when its technique has made it of what was found: the arrays of `Picture`, maps by name, and stats."""
+    """A picture after its technique's `finish`: the arrays of `Picture`, maps by name, and the technique's stats.
+
+    image: uint8 [height, width, 4]. color: float32 [height, width, 4], premultiplied, or None. maps: [height, width].
+    """
 
     image: NDArray[np.uint8]
     color: NDArray[np.float32] | None
@@ -39,10 +42,11 @@ class Finished:
 
 
 class Picture:
-    """The picture being made, in the host's own arrays, which the device fills tile by tile.
+    """The picture that is being made. Its arrays are on the host, and the device fills them tile by tile.
 
-    image: uint8 [height, width, 4]; color: float32 [height, width, 4] premultiplied, or None where not wanted;
-    values: float32 [height, width, 1 or 4] that a technique finds besides, the means of a pixel's samples, or None.
+    size: (width, height) in pixels. image: uint8 [height, width, 4]. color: float32 [height, width, 4], premultiplied,
+    or None if it is not wanted. values: float32 [height, width, 1 or 4], other numbers that a technique finds (means
+    over a pixel's samples), or None.
     """
 
     def __init__(self, gpu: Workspace, size: tuple[int, int], keep_color: bool, numbers: int = 0):
@@ -60,7 +64,7 @@ class Picture:
 
     @property
     def found(self) -> NDArray[np.float32]:
-        """`values`, of a technique that finds some."""
+        """`values`, for techniques that find some. They must not be None."""
         assert self.values is not None
         return self.values
 
@@ -71,7 +75,10 @@ class Picture:
         image: NDArray[np.uint8] | None = None,
         color: NDArray[np.float32] | None = None,
     ) -> Finished:
-        """What a technique makes of the picture: maps, stats, and an image in place of the one that was drawn."""
+        """The finished picture, with a technique's maps and stats.
+
+        image, color: replace what was drawn, if an image is given.
+        """
         if image is None:
             image, color = self.image, self.color
         return Finished(image, color, maps or {}, stats or {})
@@ -81,18 +88,18 @@ class Picture:
         return [sys.getrefcount(held) for array in arrays for held in (array, array.base)]
 
     def fits(self, size: tuple[int, int], keep_color: bool, numbers: int = 0) -> bool:
-        """Whether it has this size and what is to be kept, `numbers` of `values`."""
+        """Whether the picture has this size, has a color if `keep_color`, and has `numbers` values a pixel."""
         kept = self.color is not None, 0 if self.values is None else self.values.shape[2]
         return self.size == size and kept == (keep_color, numbers)
 
     def is_free(self) -> bool:
-        """Whether nobody else holds its arrays, nor a view of them, so that it may be drawn over."""
+        """Whether nobody else refers to its arrays or to a view of them. Only then may it be drawn over."""
         return self._references() == self._own_references
 
     def begin(self, side: int, background: Rgb | None) -> dict[str, cl.Buffer | float | None]:
-        """The arguments of a kernel that composites tiles into it (composite.h).
+        """The arguments of a kernel that composites tiles into the picture (composite.h).
 
-        side: a pixel is the mean of side x side samples.
+        side: a pixel is the mean of side x side samples; a power of two. background: None for straight alpha.
         """
         red, green, blue = background or (0.0, 0.0, 0.0)
         self._clamped = self.gpu.put("clamped", np.zeros(1, np.uint32))
@@ -108,14 +115,14 @@ class Picture:
             "clamped": self._clamped,
             "image": self._image,
             "color": self._color,
-            "parameters": None,  # of techniques that find values
+            "parameters": None,  # Canvas.arguments replaces it for techniques that have parameters
             "values": self._values,
         }
 
     def fetch(self) -> int:
-        """Brings everything drawn to the host.
+        """Waits for the device, and brings everything that was drawn to the host's arrays.
 
-        Returns in how many pixels the alphas added up to more than one, so that their colours had to be clamped.
+        Returns the number of clamped pixels: their alphas add up to more than one, so their colours were clamped.
         """
         for held, array in ((self._image, self.image), (self._color, self.color), (self._values, self.values)):
             if held is None or array is None:

@@ -1,4 +1,7 @@
-"""Counting: how many layers pixels have, and what a walk over their tiles takes, all of them or some (counting.cl)."""
+"""Counting: how many layers pixels have, and how much work their tiles are (counting.cl).
+
+It counts all tiles of a picture, or a sample of them.
+"""
 
 from __future__ import annotations
 
@@ -23,21 +26,21 @@ from clpeel.stages.upload import DeviceScene
 STAGE = "counting"
 
 WIDE_TOTALS = np.dtype([(name, np.int64) for name in COUNT_TOTALS.names or ()])
-"""COUNT_TOTALS in 64 bits, so that sums of many tiles fit."""
+"""COUNT_TOTALS in 64 bits, so that sums over many tiles fit."""
 
 TILE_BYTES = 4 + COUNT_TOTALS.itemsize
-"""Of a tile in a batch: where its list begins, and what is counted of it."""
+"""Bytes that a tile takes in a batch besides its list: where the list begins, and the tile's totals."""
 
 LOOKED_AT = 96
-"""Tiles that a look at a picture counts: enough for its layers, and a small part of it."""
+"""How many tiles look_at_some counts at most: enough to estimate a picture's layers, and a small part of its work."""
 
 
 @dataclass(frozen=True, eq=False)
 class TileCounts:
-    """What was counted of some tiles or all.
+    """What was counted in n tiles, which are all tiles of a picture or a sample of them.
 
-    totals: WIDE_TOTALS [n]; records: int64 [n], how long their lists are; weights: float64
-    [n], for how many of the picture's tiles each stands. pixels: of the picture. features: of the scene.
+    totals: WIDE_TOTALS [n]. records: int64 [n], the lengths of the tiles' lists. weights: float64 [n], how many tiles
+    each of these stands for. pixels: the number of pixels of the picture. features: those of its triangles.
     """
 
     totals: NDArray[np.void]
@@ -51,8 +54,9 @@ class TileCounts:
 class Counted:
     """What counting a whole picture found.
 
-    layers, opaque: as of Complexity (depth_complexity.py). setup_seconds, walk_seconds: of the stages before, and of
-    counting.
+    layers: int32 [height, width], fragments of transparent surfaces in front of the first opaque one. opaque: bool
+    [height, width], whether there is an opaque surface. setup_seconds, walk_seconds: seconds by the device's clock of
+    the stages before counting, and of counting.
     """
 
     layers: NDArray[np.int32]
@@ -63,12 +67,15 @@ class Counted:
 
     @property
     def seconds(self) -> float:
-        """Of all stages."""
+        """Seconds of all stages together."""
         return self.setup_seconds + self.walk_seconds
 
 
 def counting_kernel(gpu: Workspace, features: Features) -> Kernel:
-    """The kernel: neither colours nor what depths were computed from plays a part any more, which saves builds."""
+    """The counting kernel. Colours, and how depths were computed, do not affect counts.
+
+    So these features have fixed values here, and fewer kernels are built.
+    """
     plain = replace(features, perspective=True, low_positions=False, color_rate="scene", packed_color=True)
     plain = replace(plain, headlight=False)
     return program(gpu, "stages/counting.cl", plain, ALL_OPAQUE=int(features.surfaces == "opaque"))["count_layers"]
@@ -83,9 +90,10 @@ def count_layers(
     limit: int | None = None,
     report: Callable[[float], None] | None = None,
 ) -> Counted:
-    """Counts the layers of a view, tiles in batches whose lists fit `limit` bytes with the scene.
+    """Counts the layers of a view, batch by batch. The scene and a batch's lists fit `limit` bytes together.
 
-    report: called now and then with the share done.
+    size: (width, height) in pixels. opaque_first: leave fragments behind opaque surfaces out of the counts. limit: None
+    for a share of the device's memory. report: called now and then with the share done, 0..1.
     """
     gpu.events.clear()
     triangles = project(gpu, scene, camera, size, False, opaque_first)
@@ -127,9 +135,11 @@ def count_layers(
 
 
 def look_at_some(gpu: Workspace, triangles: Triangles, batch: Batch) -> TileCounts:
-    """Counts LOOKED_AT tiles of a batch, spread evenly over its records; each stands for as many as it was passed by.
+    """Counts a sample of a batch's tiles, LOOKED_AT at most.
 
-    A tile is taken as often as its list is long, so that what grows with lists is known best.
+    Samples are taken at even steps through the batch's records. So the chance of a tile is proportional to the length
+    of its list, and quantities that grow with the lists are estimated best. The weights undo this: a tile that was hit
+    `times` times stands for times * (records / LOOKED_AT) / (its list's length) tiles of the batch.
     """
     ends = np.cumsum(batch.tile_pairs)
     total = int(ends[-1])

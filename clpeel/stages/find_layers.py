@@ -40,19 +40,26 @@ from clpeel.stages.windows import Fragments, rasterize
 STAGE = "layers"
 
 TILE_LAYERS_BYTES = TILE_BYTES + (4 + 4) * TILE_PIXELS + 4
-"""Of a tile in a batch: as for drawing, where each pixel's list ends, its layers, and where the tile's lists begin."""
+"""Bytes that a tile takes in a batch besides its list.
+
+They are those for drawing; for each pixel, the end of its list and the number of its layers; and the tile's start.
+"""
 
 TURNS = ("fragments", "scratch", "colors", "sources", "pairs", "pixel_end", "kept")
-"""Buffers that the picture and the layers have in turn, so that each keeps to the memory given."""
+"""Buffers that drawing the picture and finding its layers both use. They are released in between.
+
+So each of the two stays within the memory that the request allows.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Peeled:
-    """Which layers are peeled of a view.
+    """Which layers of a view are peeled.
 
-    front, back: how many of a pixel's transparent layers, from the front and from the back. keep_coincident: of equal
-    depths all, not the first submitted alone. opaque_first: whether a pixel's layers end with the first opaque one.
-    depth_format: one of DEPTH_FORMATS (layout.py).
+    size: (width, height) in pixels. lit: whether there is a headlight. front, back: how many transparent layers of a
+    pixel are peeled from the front, and from the back. keep_coincident: peel all fragments of equal depth, instead of
+    only the first submitted. opaque_first: whether a pixel's layers end with the first opaque one. depth_format: one of
+    DEPTH_FORMATS (layout.py).
     """
 
     camera: Camera
@@ -67,7 +74,11 @@ class Peeled:
 
 @dataclass
 class _Piece:
-    """The layers of a window's pixels: pixel, count int64 [m]; color, depth, triangle as of Layers, pixel by pixel."""
+    """The layers of a window's m pixels that have any.
+
+    pixel: int64 [m], row * width + column. count: int64 [m], layers of each. color, depth, triangle: as in Layers,
+    pixel by pixel, count.sum() long.
+    """
 
     pixel: NDArray[np.int64]
     count: NDArray[np.int64]
@@ -79,14 +90,14 @@ class _Piece:
 def find_layers(
     gpu: Workspace, scene: DeviceScene, peeled: Peeled, budget: Budget, report: Callable[[float, str], None]
 ) -> Layers:
-    """The layers of a view, found in windows within the budget.
+    """The layers of a view. They are found window by window, within the budget.
 
-    report: called with the share done, 0..1, and a text. Raises InputError where the budget does not hold one pixel's
-    fragments.
+    report: called with the share done, 0..1, and a text. Raises InputError if the fragments of a single pixel do not
+    fit the budget.
     """
     gpu.release(*TURNS)
     try:
-        # Opaque faces too, all in the order of submission.
+        # Without opaque_first: a pixel's list then has its opaque and transparent fragments in the order of submission.
         triangles = project(gpu, scene, peeled.camera, peeled.size, peeled.lit, depth_format=peeled.depth_format)
         features = triangles.features
         tiles = bin_triangles(gpu, triangles, budget.lists)
@@ -106,7 +117,7 @@ def find_layers(
 
 
 def _peel(gpu: Workspace, triangles: Triangles, batch: Batch, window: Fragments, peeled: Peeled) -> _Piece:
-    """The layers of a window, on the host."""
+    """Peels a window's fragments on the device, and fetches the layers."""
     kept_buffer = gpu.buffer("kept", 4 * TILE_PIXELS * window.tiles)
     deep = window.layers_max > INSERTED_MAX
     launch(
@@ -140,7 +151,7 @@ def _peel(gpu: Workspace, triangles: Triangles, batch: Batch, window: Fragments,
     tile, place = np.nonzero(kept)
     count = kept[tile, place].astype(np.int64)
     before = np.where(place > 0, ends[tile, place - 1], np.uint32(0))
-    begin = (starts[tile] - np.uint32(window.start) + before).astype(np.int64)  # modulo 2**32, as the kernels
+    begin = (starts[tile] - np.uint32(window.start) + before).astype(np.int64)  # wraps modulo 2**32, as in kernels
     fragments = gpu.get(window.fragments, window.count, np.uint64)[_runs(begin, count)]
     payload = fragments.astype(np.uint32)
     if window.sources is None:
@@ -160,13 +171,16 @@ def _peel(gpu: Workspace, triangles: Triangles, batch: Batch, window: Fragments,
 
 
 def straight_colors(scene: Scene) -> NDArray[np.float32]:
-    """The scene's colours as the kernels have them: float32 [k, 4], a byte's the float nearest to byte / 255."""
+    """The scene's colours as the kernels read them: float32 [k, 4], straight RGBA.
+
+    A byte becomes the float32 that is nearest to byte / 255.
+    """
     colors = np.atleast_2d(scene.colors)
     return colors.astype(np.float32) / np.float32(255) if colors.dtype == np.uint8 else colors.astype(np.float32)
 
 
 def _pixels(tile: NDArray[np.int64], place: NDArray[np.int64], width: int) -> NDArray[np.int64]:
-    """The pixels, row by row, at these places in these tiles of the image (common.h)."""
+    """The pixels (row * width + column) at these places within these tiles of the image (pixel_at in common.h)."""
     columns = -(-width // TILE)
     block, within = place // BLOCK_PIXELS, place % BLOCK_PIXELS
     row = tile // columns * TILE + block // BLOCKS_A_ROW * BLOCK + within // BLOCK
@@ -175,7 +189,10 @@ def _pixels(tile: NDArray[np.int64], place: NDArray[np.int64], width: int) -> ND
 
 
 def _distances(keys: NDArray[np.uint32], triangles: Triangles) -> Lengths:
-    """Depth keys to view distances: depth.h and the camera's projection, turned round."""
+    """The view distances of depth keys, in world units: the inverse of depth_key (depth.h) and of the projection.
+
+    float32, or float64 where float32 cannot hold them.
+    """
     near, far = triangles.clipping
     kept = DEPTH_FORMATS.index(triangles.features.depth_format)
     with np.errstate(over="ignore", divide="ignore"):
@@ -192,12 +209,12 @@ def _distances(keys: NDArray[np.uint32], triangles: Triangles) -> Lengths:
 
 
 def _runs(begin: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
-    """begin[0], begin[0] + 1, ... count[0] of them; then begin[1], ..."""
+    """Concatenated runs of numbers: begin[0], begin[0] + 1, ..., count[0] of them; then begin[1], ...; int64."""
     return np.repeat(begin - (np.cumsum(count) - count), count) + np.arange(count.sum())
 
 
 def _joined(size: tuple[int, int], pieces: list[_Piece]) -> Layers:
-    """All windows' layers, row by row; the pieces are used up on the way."""
+    """The layers of all windows in one, pixels row by row. Empties `pieces` on the way, which frees their memory."""
     start = np.zeros(size[0] * size[1] + 1, np.int64)
     for piece in pieces:
         start[piece.pixel + 1] = piece.count

@@ -1,4 +1,4 @@
-"""The frame: what a technique is handed, to draw a picture's batches with."""
+"""The frame: what a technique receives to draw a picture's batches with."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from clpeel.stages.tiles import Canvas, Drawn
 
 
 class Peeled(PassRules, Protocol):
-    """As PassRules, and how colours are blended (techniques/peeling.py)."""
+    """PassRules, and how colours are blended. The options class Peeling (techniques/peeling.py) fits it.
+
+    max_error: see Frame.once. constants: those of the kernel, such as the precision of its buffers.
+    """
 
     @property
     def max_error(self) -> float | None: ...
@@ -25,10 +28,13 @@ class Peeled(PassRules, Protocol):
 
 
 class Frame(Canvas):
-    """A canvas, and the ways to draw on it."""
+    """A canvas, and the ways to draw a batch on it."""
 
     def built_for(self, **features: object) -> Frame:
-        """The frame with kernels compiled for other features, such as headlight=False where colours play no part."""
+        """The same frame for kernels that are compiled for other features.
+
+        For example, a technique that uses no colours needs no headlight: headlight=False.
+        """
         changed = replace(self.triangles.features, **features)  # type: ignore[arg-type]
         return replace(self, triangles=replace(self.triangles, features=changed))
 
@@ -42,10 +48,11 @@ class Frame(Canvas):
         max_error: float | None = None,
         parameters: Sequence[float] = (),
     ) -> Drawn:
-        """Goes over the batch's geometry once, and through each pixel's fragments once (draw_once).
+        """Draws the batch in one geometry pass, which goes through each pixel's fragments once (draw_once).
 
-        max_error: skips layers that can change no channel by more; None draws all. parameters: of kernels that skip
-        none.
+        kernel: a file below kernels/. constants: of the kernel. scratch_bytes: see draw_once. max_error: skip layers
+        that cannot change any channel by more, 0..1; None draws all. parameters: the kernel's own numbers; a max_error
+        takes their place.
         """
         bounds, numbers = _bounded(max_error, parameters)
         return draw_once(self, batch, kernel, {**constants, **bounds}, scratch_bytes, numbers)
@@ -61,22 +68,25 @@ class Frame(Canvas):
         layers_a_pass: int | None = None,
         parameters: Sequence[float] = (),
     ) -> Drawn:
-        """Goes over the batch's geometry pass by pass (many_passes.peel)."""
+        """Draws the batch in as many geometry passes as it needs (many_passes.peel).
+
+        The options' max_error takes the place of `parameters`, if it is not None.
+        """
         bounds, numbers = _bounded(options.max_error, parameters)
         defines = {**(constants or {}), **bounds, **options.constants}
         return peel(self, batch, kernel, options, defines, first_passes, layers_a_pass, numbers)
 
     def opaque(self, batch: Batch, constants: Mapping[str, int]) -> Drawn:
-        """Draws a batch of a scene with nothing transparent."""
+        """Draws a batch of a scene in which nothing is transparent."""
         return draw_opaque(self, batch, constants)
 
 
 def float32_below(error: float) -> float:
-    """The greatest float32 that is not more than the error."""
+    """The greatest float32 that does not exceed the error."""
     nearest = np.float32(error)
     return float(nearest if float(nearest) <= error else np.nextafter(nearest, np.float32(0)))
 
 
 def _bounded(max_error: float | None, parameters: Sequence[float]) -> tuple[dict[str, int], Sequence[float]]:
-    """The constants and the parameters of a kernel that skips layers, where it is to."""
+    """The constants and parameters to add for `max_error`: a kernel that skips layers needs it as its parameter."""
     return ({}, parameters) if max_error is None else ({"BOUNDED": 1}, (float32_below(max_error),))

@@ -1,4 +1,4 @@
-"""Many passes: techniques of several geometry passes peel a batch of tiles (frames/many_passes.h)."""
+"""Many passes: draws a batch of tiles with a technique of several geometry passes (frames/many_passes.h)."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ from clpeel.stages.binning import Batch
 from clpeel.stages.tiles import Canvas, Drawn, draw_tiles, groups_for, stage_of
 
 REPEATS_A_LAYER = 4
-"""Passes that a peel may be repeated for each layer there is before it is taken to be without end. With writes that are
-atomic there are at most as many as layers: each stores one fragment more, and none that was replaced comes back."""
+"""How often a peel may repeat its pass, for each layer there can be. A peel that needs more counts as endless.
+
+Atomic writes need at most one repeat a layer: each stores one more fragment, and no replaced fragment comes back.
+"""
 
 MAX_REPEATED_PASSES = 1 << 20
-"""Passes that are counted one by one where they are repeated."""
+"""The most passes of a batch where passes are repeated: the totals of each are stored one by one."""
 
 
 class PassRules(Protocol):
     """What ends the passes, and which fragments they keep.
 
-    passes: peels that many times and stops. occlusion_query: stops where a pass draws nothing; without it, all `passes`
-    are made. coincident: of fragments of equal depth "keep" keeps all, "paper" the first alone.
+    passes: stop after so many peels; None for no limit. occlusion_query: stop after a pass that draws nothing; without
+    it, all `passes` are made. coincident: "keep" keeps all fragments of equal depth, "paper" only the first.
     """
 
     @property
@@ -39,7 +41,10 @@ class PassRules(Protocol):
 
 
 def totals_bytes(batch: Batch) -> int:
-    """Of the device's memory that `peel` takes for a batch: a tile's buffers are its lane's own."""
+    """Bytes of the device's memory that `peel` takes for a batch.
+
+    These are totals alone: the buffers of a tile's pixels are in its lanes' private memory.
+    """
     return 16 * (batch.most_layers + 3) + PEEL_TOTALS.itemsize * batch.tiles
 
 
@@ -55,9 +60,9 @@ def peel(
 ) -> Drawn:
     """Draws the batch with the technique in the kernel file `path`.
 
-    defines: constants of the kernel. first_passes: geometry passes that peel nothing yet. layers_a_pass: where the
-    passes of a peel may have to be repeated, how many layers one peels. parameters: numbers of the kernel's own. Raises
-    InputError where there is no end to the repeats.
+    defines: constants of the kernel. first_passes: geometry passes before the first one that peels. layers_a_pass: how
+    many layers one peel finds, if its pass may have to be repeated; None if passes are never repeated. parameters: the
+    kernel's own numbers. Raises InputError if the repeats have no end, or may be too many to count.
     """
     gpu = canvas.gpu
     most_passes, most_repeats = most_passes_of(batch, rules, first_passes, layers_a_pass)
@@ -81,7 +86,7 @@ def peel(
         {**canvas.arguments(batch, parameters), **own},
     )
     totals = gpu.get(tile_totals, batch.tiles, PEEL_TOTALS)
-    measured = gpu.get(pass_totals, (most_passes + 1, 2), np.uint64)  # low words first
+    measured = gpu.get(pass_totals, (most_passes + 1, 2), np.uint64)  # of two words, low one first
     ticks = int(measured[-1, 0])
     pass_keys: tuple[tuple[int, int], ...] = ()
     if layers_a_pass is None:
@@ -103,8 +108,11 @@ def peel(
 
 
 def most_passes_of(batch: Batch, rules: PassRules, first_passes: int, layers_a_pass: int | None) -> tuple[int, int]:
-    """The most passes that a batch can take, and how often each peel may be repeated; or InputError."""
-    # There cannot be more layers than a tile has records; one pass more is the empty one that ends them.
+    """The most passes that a batch can take, and the most passes of one peel (1 if none is repeated).
+
+    Raises InputError if passes are repeated and may be more than MAX_REPEATED_PASSES.
+    """
+    # A pixel has at most as many layers as its tile has records. The 1 is for the empty pass that ends the others.
     most_layers = batch.most_layers
     if layers_a_pass is None:
         limits = [] if rules.passes is None else [rules.passes]
@@ -121,9 +129,10 @@ def most_passes_of(batch: Batch, rules: PassRules, first_passes: int, layers_a_p
 
 
 def repeats_of(measured: NDArray[np.uint64]) -> tuple[NDArray[np.uint64], tuple[tuple[int, int], ...]]:
-    """Of each peel the passes that found something, and the one that found nothing; nothing after an empty peel.
+    """The passes that were made: in each peel those that found something, and the empty one that ends the peel.
 
-    measured: [peels, repeats, 2]. Returns those rows, and of each the peel and the number of the repeat.
+    The first peel whose first pass is empty is the last one. measured: uint64 [peels, repeats, 2], samples passed and
+    ticks. Returns the rows of the passes, uint64 [passes, 2], and the peel and the repeat of each.
     """
     found = (measured[..., 0] > 0).sum(axis=1)
     peels = range(int(np.argmin(found)) + 1)
@@ -132,7 +141,10 @@ def repeats_of(measured: NDArray[np.uint64]) -> tuple[NDArray[np.uint64], tuple[
 
 
 def check_for_an_end(endless: NDArray[np.uint32], batch: Batch, columns: int) -> None:
-    """InputError where a tile has a sample whose passes are repeated without end: `endless` is 1 + its number there."""
+    """Raises InputError if passes of some sample would be repeated without end.
+
+    endless: uint32 [tiles], 1 + the place of such a sample in the tile, or 0. columns: tiles in a row of the picture.
+    """
     if not endless.any():
         return
     tile = int(np.argmax(endless > 0))

@@ -1,4 +1,4 @@
-"""One pass: techniques that go through each pixel's fragments once draw a batch of tiles (frames/one_pass.h)."""
+"""One pass: draws a batch of tiles with a technique that needs each pixel's fragments once (frames/one_pass.h)."""
 
 from __future__ import annotations
 
@@ -23,31 +23,38 @@ from clpeel.stages.binning import Batch
 from clpeel.stages.tiles import Canvas, Drawn, draw_tiles, groups_for, stage_of, too_deep
 
 CACHED_FRAGMENTS = 1 << 22
-"""Fragments that all groups have room for, 32 MiB, unless the fullest pixels need more."""
+"""How many fragments all groups together have room for (32 MiB), unless the deepest pixels need more."""
 
 LEAST_ROWS, MOST_ROWS, ROWS_APART = 34, RUN_MAX + 2, 32
-"""Layers that a strip has room for at once: 2 more than a multiple of 32, so that the rows of a tile's blocks, of 128
-bytes each, do not fall on the same places of a cache."""
+"""How many rows (layers) a strip has room for: at least, at most, and the step between.
+
+The number is always 2 more than a multiple of 32. Rows have 128 bytes each. With a plain multiple of 32 the same row of
+all blocks of a tile would fall on the same places of a cache.
+"""
 
 OWN_BUFFERS = ("fragments", "scratch", "colors", "tile_totals", "pass_totals")
-"""Of the device, by name: what a technique takes besides the scene, its records and lists."""
+"""Names of the device buffers that a technique takes. All others are of the scene, its records and its lists."""
 
 
 def slabs_for(gpu: Workspace, batch: Batch, capacity: int) -> tuple[int, int, int]:
-    """How many groups draw a batch (one_pass.h), the rows of a strip's layers, and the fragments of a group's slab."""
+    """How the memory is used for a batch: work-groups, rows (layers) of a strip, and fragments of a group's slab.
+
+    capacity: how many fragments there is room for in all.
+    """
     groups = groups_for(gpu, batch)
     rows = min(
         max(CACHED_FRAGMENTS // (groups * TILE_PIXELS), LEAST_ROWS),
         MOST_ROWS,
         -(-batch.most_layers // ROWS_APART) * ROWS_APART + 2,
     )
-    # Where many slabs are too much, fewer groups; at last, smaller slabs, which hold fewer rows.
+    # If there is no room for a slab for each group, fewer groups draw. If one slab does not fit, it gets smaller, and
+    # then it holds fewer rows.
     slab = rows * TILE_PIXELS
     return max(min(groups, capacity // slab), 1), rows, min(slab, capacity)
 
 
 def slab_bytes(gpu: Workspace, features: Features, batch: Batch, capacity: int, scratch_bytes: int) -> int:
-    """Of the device's memory that draw_once takes for a batch, unless a pixel has more fragments than a slab."""
+    """Bytes of the device's memory that draw_once takes for a batch, unless a pixel has more fragments than a slab."""
     groups, _, slab = slabs_for(gpu, batch, capacity // BLOCK_PIXELS * BLOCK_PIXELS)
     deep = batch.most_layers > RUN_MAX
     return (
@@ -66,13 +73,13 @@ def draw_once(
 ) -> Drawn:
     """Draws the batch with the technique in the kernel file `path`.
 
-    defines: constants of the kernel. scratch_bytes: what it needs besides for each fragment where a pixel may have more
-    than RUN_MAX. parameters: numbers of the kernel's own. Raises InputError when a single pixel has more fragments than
-    the canvas has room for.
+    defines: constants of the kernel. scratch_bytes: further bytes that it needs for each fragment, if a pixel may have
+    more than RUN_MAX fragments. parameters: the kernel's own numbers. Raises InputError when a single pixel has more
+    fragments than the canvas has room for.
     """
     gpu, features = canvas.gpu, canvas.triangles.features
     kernel = program(gpu, path, features, **defines)["draw"]
-    capacity = canvas.capacity // BLOCK_PIXELS * BLOCK_PIXELS  # slabs begin where rows may
+    capacity = canvas.capacity // BLOCK_PIXELS * BLOCK_PIXELS  # so every slab begins where a row may
     groups, rows, slab = slabs_for(gpu, batch, capacity)
     if batch.most_layers <= RUN_MAX:
         scratch_bytes = 0
@@ -99,5 +106,6 @@ def draw_once(
             return Drawn(fragments, layers_max, (fragments,), opaque_samples=int(totals["opaque"].sum(dtype=np.int64)))
         if layers_max + LIST_GAP > capacity:
             raise too_deep(layers_max, capacity - LIST_GAP)
+        # The kernel skipped tiles with a pixel that no slab can hold. Draw these tiles again, with fewer, larger slabs.
         layers_before, slab = slab - LIST_GAP, min(BLOCK_PIXELS * (layers_max + LIST_GAP), capacity)
         groups = max(min(groups, capacity // slab), 1)

@@ -1,4 +1,4 @@
-"""Opaque scenes: a batch of tiles to the picture in one pass, whatever the technique (stages/opaque.cl)."""
+"""Opaque scenes: draws a batch of tiles in one pass, whatever the technique is (stages/opaque.cl)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STAGE = "opaque"
 
 
 def draw_opaque(canvas: Canvas, batch: Batch, defines: Mapping[str, int]) -> Drawn:
-    """Draws the nearest surface of each sample: no fragments are kept, and no geometry pass is made besides this one.
+    """Draws the nearest surface of each sample, in one geometry pass that stores no fragments.
 
     defines: constants of the kernel.
     """

@@ -1,4 +1,4 @@
-"""Projection: the scene on the device to clipped, snapped screen triangles."""
+"""Projection: transforms, clips and snaps the scene's triangles. What is left of them are records."""
 
 from __future__ import annotations
 
@@ -32,32 +32,41 @@ STATE_BYTES = 1
 LISTED_BYTES = 4
 
 LEAST_WINDOW_SHARE = 2.0**-40
-"""As LEAST_SHARE (camera.py), of window depths: those of the scene are all equal then, in any format."""
+"""Replaces LEAST_SHARE (camera.py) for formats of window depths.
+
+If the scene takes no larger share of the given range, its window depths are all equal in any format.
+"""
 
 PLANE_SLACK = 2.0**-22
-"""How far the clipping planes reach beyond their depths, relatively (orthographic: of the range). Three roundings to
-float32 lie between a point exactly on a plane and its depth: this much keeps it inside."""
+"""How far the clipping planes lie outside their depths: relative to the depth, or to the range in parallel projection.
+
+A point exactly on a plane is rounded to float32 three times until its depth is known. This much keeps it inside.
+"""
 
 Arguments = dict[str, cl.Buffer | float | None]
-"""Arguments of a kernel, by its own names."""
+"""Arguments of a kernel, by the kernel's names for them."""
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """Screen triangles: a record for each face that may cover a sample, and CLIP_TRIANGLES more behind them for each
-    clipped one. Opaque faces come first where there are others; each kind is in submission order.
+    """Screen triangles. Each face that may cover a sample has a record.
 
-    records: TRIANGLE [count]; bounds: uint16 [count, 4], the first and last pixel column and row (first > last: nothing
-    to draw); weights: float32 [count, 3, 3] for colours that vary over a face, else None.
+    Behind these records lie CLIP_TRIANGLES more for each clipped face. Records of opaque faces come first, if the scene
+    has both kinds. Each kind is in submission order.
+
+    faces, listed, clipped, discarded: how many faces the scene has, how many have a record, how many are clipped, and
+    how many are not finite. records: TRIANGLE [count]. bounds: uint16 [count, 4], first and last pixel column, first
+    and last row; where first > last there is nothing to draw. weights: float32 [count, 3, 3] where colours vary over a
+    face, else None.
     """
 
     scene: DeviceScene
     features: Features
-    size: tuple[int, int]  # width, height in pixels
+    size: tuple[int, int]  # width, height in samples
     view: tuple[float, float, float]  # view direction, unit length
     clipping: tuple[float, float]  # view distances of the near and the far plane of depths, in world units
-    window: tuple[float, float]  # the same of window depths: as given
-    depth_scale: float  # what window depths are multiplied with (depth.h); of the view, whatever kernels are built for
+    window: tuple[float, float]  # the same of window depths: the clipping range as given
+    depth_scale: float  # factor of window depths (depth.h); it depends on the view, not on what kernels are built for
     faces: int
     listed: int
     clipped: int
@@ -68,17 +77,20 @@ class Triangles:
 
     @property
     def count(self) -> int:
-        """How many records there are."""
+        """The number of records."""
         return self.listed + CLIP_TRIANGLES * self.clipped
 
     @property
     def setup_features(self) -> Features:
-        """What the stages before fragments are compiled for: they know no depth format."""
+        """The features that stages before fragments are compiled for.
+
+        These stages do not use the depth format. A fixed one saves builds.
+        """
         return replace(self.features, depth_format=DEPTH_FORMATS[FLOAT32_REVERSED])
 
     @property
     def shading(self) -> Arguments:
-        """The kernel arguments that say what colour a fragment has."""
+        """The kernel arguments that determine the colour of a fragment."""
         return {
             "faces": self.scene.faces,
             "palette": self.scene.palette,
@@ -91,7 +103,7 @@ class Triangles:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of vertices, lists and records on the device."""
+        """Bytes of the vertices, lists and records on the device."""
         record = TRIANGLE.itemsize + BOUNDS_BYTES + (WEIGHTS_BYTES if self.weights is not None else 0)
         lists = STATE_BYTES * self.faces + LISTED_BYTES * (self.listed + self.clipped)
         return VERTEX.itemsize * len(self.scene.scene.vertices) + lists + record * self.count
@@ -99,10 +111,10 @@ class Triangles:
 
 @dataclass(frozen=True)
 class View:
-    """What a scene is seen from, and the kernel arguments that say so.
+    """A camera as kernel arguments.
 
-    points: those of kernels that project vertices. size: those of kernels that know the picture's. clipping, window: as
-    of Triangles.
+    points: arguments of kernels that project points. size: arguments of kernels that use the picture's size. clipping,
+    window: as in Triangles.
     """
 
     points: Arguments
@@ -114,8 +126,9 @@ class View:
 def view_of(
     gpu: Workspace, scene: DeviceScene, camera: Camera, size: tuple[int, int], depth_format: DepthFormat
 ) -> View:
-    """The camera's matrix on the device, and the depths that it begins and ends at."""
-    # Formats of window depths keep what the range given leaves of them, as far as it leaves anything.
+    """Puts the camera's matrix on the device, with the depths of its near and far planes."""
+    # Window depths depend on the range that the user gave. So for these formats the range is drawn in to the scene only
+    # where it would leave no two depths apart.
     reversed_depths = depth_format == DEPTH_FORMATS[FLOAT32_REVERSED]
     host = scene.scene
     clipping = camera.depth_range(host) if reversed_depths else camera.depth_range(host, LEAST_WINDOW_SHARE)
@@ -139,10 +152,10 @@ def project(
     opaque_first: bool = False,
     depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED],
 ) -> Triangles:
-    """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height).
+    """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height), in samples.
 
-    opaque_first: tells opaque faces from others; without, all are taken as transparent. depth_format: one of
-    DEPTH_FORMATS, what is kept of their fragments' depths.
+    headlight: whether a light at the camera shades the colours. opaque_first: list opaque faces before the others;
+    without it all faces count as transparent. depth_format: one of DEPTH_FORMATS, how fragments keep their depths.
     """
     features = Features(
         lanes=gpu.lanes,
@@ -161,7 +174,7 @@ def project(
     direction = camera.axes()[2]
     return Triangles(
         scene=scene,
-        features=replace(features, depth_format=depth_format),  # fragments' alone
+        features=replace(features, depth_format=depth_format),  # setup kernels ignore it
         size=size,
         view=(float(direction[0]), float(direction[1]), float(direction[2])),
         clipping=view.clipping,
@@ -197,8 +210,9 @@ def _project_vertices(gpu: Workspace, scene: DeviceScene, view: View, features: 
 class _Lists:
     """Faces by what they need.
 
-    listed, clipped: uint32, those that need a record, and those that need clipping besides. opaque_count: of the listed
-    ones, the opaque ones, which come first. discarded: faces that are not finite.
+    listed: uint32 [listed_count], the faces that need a record. clipped: uint32 [clipped_count], the places in `listed`
+    of the faces that also need clipping. opaque_count: how many listed faces are opaque; they come first. discarded:
+    how many faces have corners that are not finite.
     """
 
     listed: cl.Buffer
@@ -210,12 +224,12 @@ class _Lists:
 
     @property
     def arguments(self) -> Arguments:
-        """Of the kernels that make records."""
+        """The arguments of kernels that make records."""
         return {"listed": self.listed, "listed_count": self.listed_count, "opaque_count": self.opaque_count}
 
 
 def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Features, corners: Arguments) -> _Lists:
-    """Culls the faces, and lists those that may cover a sample, opaque ones first."""
+    """Culls the faces, and lists the remaining ones, which may cover a sample. Opaque faces come first."""
     kernels = program(gpu, "stages/setup.cl", features)
     face_count = len(scene.scene.faces)
     states = gpu.buffer("states", face_count + PADDING)
@@ -236,7 +250,7 @@ def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Fe
     chunk_counts = gpu.buffer("chunk_counts", 20 * chunks)
     launch(gpu, STAGE, kernels["count_states"], chunks, 1, **sifted, chunk_counts=chunk_counts)
     counts = gpu.get(chunk_counts, (chunks, 5), np.uint32)
-    # [opaque or transparent, chunk, listed or clipped]: all that is opaque comes first.
+    # [opaque or transparent, chunk, listed or clipped]. Prefix sums in this order put all opaque faces first.
     kinds = counts[:, :4].reshape(chunks, 2, 2).swapaxes(0, 1)
     ends = np.cumsum(kinds.reshape(-1, 2), axis=0, dtype=np.uint32).reshape(kinds.shape)
     starts = ends - kinds
@@ -263,7 +277,7 @@ def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Fe
 def _set_up(
     gpu: Workspace, scene: DeviceScene, view: View, features: Features, corners: Arguments, lists: _Lists
 ) -> dict[str, cl.Buffer]:
-    """The records of the listed faces, and of the pieces of clipped ones."""
+    """Makes the records of the listed faces, and of the pieces of clipped faces."""
     count = lists.listed_count + CLIP_TRIANGLES * lists.clipped_count
     outputs = {
         "triangles": gpu.buffer("triangles", (count + PADDING) * TRIANGLE.itemsize),
@@ -308,8 +322,9 @@ def matrix_of(
 ) -> tuple[NDArray[np.float32], float, float]:
     """The kernels' matrix for positions (v - scene_origin) * scale, and the depths of the near and far planes.
 
-    Returns float32 [4, 2, 4]: rows x, y, z, w of clip space (projection.cl), each as high and low parts; x and y
-    are in subpixels times w from the image's centre, y down; z / w is the reversed depth, 1 at the near plane.
+    The matrix is float32 [4, 2, 4]: the rows x, y, z, w of clip space (projection.cl), each as high and low parts. x
+    and y are in subpixels times w, from the image's centre, y down. z / w is the reversed depth, 1 at the near plane.
+    The depths of the planes include PLANE_SLACK.
     """
     _, height = size
     near, far = (value * scale for value in clipping)

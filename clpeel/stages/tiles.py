@@ -1,4 +1,4 @@
-"""Tiles: what a kernel draws with, how it goes over a batch's tiles, and what it finds there."""
+"""Tiles: what a kernel draws with, how it goes through a batch's tiles, and what it finds there."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from clpeel.stages.binning import Batch
 from clpeel.stages.projection import Arguments, Triangles
 
 GROUPS_A_UNIT = 16
-"""Work-groups for each compute unit, each with a slab of its own, where a unit turns from one to another."""
+"""Work-groups for each compute unit, on devices whose units switch between groups. Each group has its own slab."""
 
 REPORTED_PAIRS = 1 << 18
-"""Records in tiles that are drawn between two reports of progress: some tenths of a second."""
+"""How many records in tiles are drawn between two reports of progress. It takes some tenths of a second."""
 
 AtTile = Callable[[int], None]
-"""Called now and then with the picture's tile that drawing has come to."""
+"""Called now and then as tiles are drawn: all tiles of the picture below this number are done."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """What a batch had: fragments, those of its deepest pixel, and what the geometry passes over it found.
+    """What drawing a batch found.
 
-    samples_passed: of each pass that was issued; truncated_pixels: those with layers that no pass reached, and hidden:
-    the greatest transmittance of these, which bounds what those layers could have changed in any channel;
-    opaque_samples: those with an opaque surface, behind which there are no fragments;
-    pass_ticks, ticks: of each pass and of everything, by the device's own count, or 0 where it has none; pass_keys: of
-    each pass, where passes are repeated.
+    fragments: of all samples. layers_max: fragments of the deepest sample. samples_passed: how many samples passed in
+    each pass that was issued. truncated_pixels: samples with layers that no pass reached. hidden: the greatest
+    transmittance in front of such layers, which bounds what they could have changed in any channel. opaque_samples:
+    samples with an opaque surface; fragments behind it do not count. pass_ticks, ticks: clock ticks of each pass and
+    of everything; 0 where the device's kernels have no clock. pass_keys: as `keys`, if passes are repeated, else empty.
     """
 
     fragments: int
@@ -47,16 +47,19 @@ class Drawn:
 
     @property
     def keys(self) -> tuple[tuple[int, int], ...]:
-        """Which passes of the picture those of the batch are: the peel, and how often it has been repeated."""
+        """Names the batch's passes, so that passes of several batches can be added up.
+
+        A pass is named by the number of its peel, and by how often that peel was repeated before.
+        """
         return self.pass_keys or tuple((number, 0) for number in range(len(self.samples_passed)))
 
 
 @dataclass(frozen=True)
 class Canvas:
-    """What all of a picture's batches are drawn with.
+    """What all batches of a picture are drawn with.
 
     target: the picture, as arguments of kernels (Picture.begin). capacity: how many fragments there is room for.
-    watch: of a batch, what is called as its tiles are drawn; None where nobody wants to know.
+    watch: gives, for a batch, the function to call as its tiles are drawn; None if progress is not reported.
     """
 
     gpu: Workspace
@@ -66,7 +69,7 @@ class Canvas:
     watch: Callable[[Batch], AtTile] | None = None
 
     def arguments(self, batch: Batch, parameters: Sequence[float] = ()) -> Arguments:
-        """The kernel arguments that say what is drawn, where, and by what numbers of the technique's own."""
+        """The kernel arguments for a batch: its records, colours, the picture, and the technique's own parameters."""
         own: Arguments = {}
         if parameters:
             own["parameters"] = self.gpu.put("parameters", np.array(parameters).astype(np.float32))
@@ -76,9 +79,9 @@ class Canvas:
 def draw_tiles(
     gpu: Workspace, stage: str, kernel: Kernel, groups: int, batch: Batch, at_tile: AtTile | None, arguments: Arguments
 ) -> None:
-    """Launches a kernel whose groups take the batch's tiles, in parts where progress is to be reported.
+    """Launches a kernel whose groups take the batch's tiles one after the other.
 
-    at_tile: called now and then with the picture's tile that it has come to.
+    at_tile: if given, tiles are drawn in parts, and it is called after each part (AtTile). This waits for the device.
     """
     done = np.cumsum(batch.tile_pairs)
     tile = 0
@@ -102,12 +105,12 @@ def draw_tiles(
 
 
 def stage_of(path: str) -> str:
-    """What the time of a technique's kernel is booked on: the technique's name, which its file has."""
+    """The stage that a kernel file's time counts for: the file's name, which is that of its technique."""
     return path.removesuffix(".cl").rpartition("/")[2]
 
 
 def groups_for(gpu: Workspace, batch: Batch) -> int:
-    """Work-groups that take a batch's tiles: one for each compute unit where a lane has a tile to itself."""
+    """How many work-groups take a batch's tiles: one for each compute unit, if a lane has a tile to itself."""
     units = int(gpu.device.max_compute_units)
     return min(units if gpu.lanes == 1 else GROUPS_A_UNIT * units, batch.tiles)
 
@@ -128,7 +131,7 @@ def walk_arguments(triangles: Triangles, batch: Batch) -> Arguments:
 
 
 def too_deep(layers: int, capacity: int) -> InputError:
-    """What to say where the memory does not hold one pixel's fragments."""
+    """The error to raise when the memory does not hold one pixel's fragments."""
     return InputError(
         f"memory: expected room for the {layers:,} fragments of one pixel, got room for {capacity:,}; raise --memory"
     )

@@ -1,4 +1,4 @@
-"""Upload: a scene's arrays to the device."""
+"""Upload: copies a scene's arrays to the device."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from clpeel.errors import InputError
 from clpeel.scene.scene import Positions, Scene
 
 MOST_ITEMS = 2**31 // 3
-"""Vertices or faces of a scene: three numbers each, at places that are signed where they are gathered (wide.h)."""
+"""The most vertices or faces of a scene. Each has three numbers, and kernels gather them by signed 32-bit places."""
 
 
 @dataclass(frozen=True)
 class DeviceScene:
     """A scene's arrays on the device.
 
-    positions, low_positions: float32 [n, 3] (low ones None where not needed); faces: uint32 [m, 3];
-    palette: colours as given, uint8 [k, 4] or float32 [k, 4]; normals: float32 [n, 3] or None.
+    grid: positions are (vertex - grid.origin) * grid.scale. positions, low_positions: float32 [n, 3], high and low
+    parts; low_positions is None if all low parts are 0. faces: uint32 [m, 3]. palette: straight RGBA as given, uint8 or
+    float32 [k, 4]; k is 1, n or m. normals: float32 [n, 3] or None. color_rate: "scene", "face" or "vertex".
+    packed_color: whether the palette is uint8. surfaces: "opaque", "transparent" or "mixed". nbytes: of all arrays.
     """
 
     scene: Scene
@@ -37,9 +39,9 @@ class DeviceScene:
 
 
 def upload(gpu: Workspace, scene: Scene, normals: bool = False) -> DeviceScene:
-    """Puts a scene on the device, with its vertex normals where they are asked for.
+    """Puts a scene on the device. normals: with its vertex normals, if it has some.
 
-    Raises InputError when it has more vertices or triangles than the kernels can number.
+    Raises InputError when the scene has more vertices or triangles than the kernels can number (MOST_ITEMS).
     """
     most = max(len(scene.vertices), len(scene.faces))
     if most > MOST_ITEMS:

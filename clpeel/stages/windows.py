@@ -1,4 +1,4 @@
-"""Rasterization: a batch of tiles to fragments, in windows that fit the memory."""
+"""Rasterization: makes the fragments of a batch of tiles, window by window. A window fits the memory."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ STAGE = "rasterization"
 class Counts:
     """How many fragments a batch's tiles and pixels have.
 
-    totals, layers: int64 [tiles], of each tile and of its deepest pixel; pixel_end: uint32 [tiles, TILE_PIXELS],
-    inclusive prefix sums within each tile.
+    totals: int64 [tiles], fragments of each tile. layers: int64 [tiles], fragments of its deepest pixel. pixel_end:
+    uint32 [tiles, TILE_PIXELS], inclusive prefix sums of the pixels' counts within each tile.
     """
 
     totals: NDArray[np.int64]
@@ -35,19 +35,20 @@ class Counts:
 
 @dataclass(frozen=True)
 class Fragments:
-    """The fragments of a window: whole tiles, or some pixels of one tile.
+    """The fragments of a window. A window is a run of whole tiles, or of some pixels of one tile.
 
-    fragments: uint64 [count], depth key << 32 | payload (raster.h), pixel by pixel, each pixel's in submission order.
-    A pixel's begin at tile_start[tile] - start + pixel_end[pixel before] and end at tile_start[tile] - start +
-    pixel_end[pixel], `tile` being its place in the batch; all modulo 2**32.
-    colors: float32 [count, 4] straight RGBA where colours vary over faces, else the scene's palette.
-    sources: uint32 [count] faces where colours vary over them, if they were asked for, else None.
+    fragments: uint64 [count], depth key << 32 | payload (walk.h), pixel by pixel; those of a pixel are in submission
+    order. They begin at tile_start[tile] - start + pixel_end[pixel before] and end at tile_start[tile] - start +
+    pixel_end[pixel], where `tile` is the tile's place in the batch; all modulo 2**32.
+    colors: float32 [count, 4], straight RGBA, where colours vary over faces; else the scene's palette.
+    sources: uint32 [count], the fragments' faces, where colours vary over faces and sources were requested; else None.
+    layers_max: fragments of the deepest pixel.
     """
 
     features: Features
     window_tile: int  # first tile of the window, in the batch
     tiles: int
-    first_pixel: int  # of each tile, 0 and 255 but where a tile is split
+    first_pixel: int  # of each tile; first and last are 0 and 255, except where a tile is split
     last_pixel: int
     count: int
     layers_max: int
@@ -56,7 +57,7 @@ class Fragments:
     sources: cl.Buffer | None
     pixel_end: cl.Buffer  # uint32 [batch tiles, TILE_PIXELS]
     tile_start: cl.Buffer  # uint32 [batch tiles]
-    start: int  # the window's first fragment, in the batch
+    start: int  # place of the window's first fragment in the batch, modulo 2**32
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,10 @@ def count_fragments(gpu: Workspace, triangles: Triangles, batch: Batch) -> Count
 def rasterize(
     gpu: Workspace, triangles: Triangles, batch: Batch, capacity: int, with_sources: bool = False
 ) -> Iterator[Fragments]:
-    """The batch's fragments in the device's memory, at most `capacity` at a time: for techniques of several passes.
+    """Yields the batch's fragments in the device's memory, at most `capacity` at a time.
 
-    with_sources: whether fragments with colours of their own tell their faces too. Raises InputError when a single
-    pixel has more than that.
+    with_sources: where fragments have colours of their own, store their faces too. Raises InputError when a single
+    pixel has more than `capacity` fragments.
     """
     features = triangles.features
     counts = count_fragments(gpu, triangles, batch)
@@ -137,7 +138,11 @@ def rasterize(
 
 
 def _windows(counts: Counts, pixels_of: Callable[[int], NDArray[np.int64]], capacity: int) -> Iterator[_Window]:
-    """Runs of tiles of at most `capacity` fragments; a tile deeper than that in runs of pixels."""
+    """Cuts a batch into windows of at most `capacity` fragments.
+
+    A window is a run of tiles. A tile with more fragments than that is cut into runs of pixels. Raises InputError when
+    a single pixel has more.
+    """
     totals, layers = counts.totals, counts.layers
     after = np.cumsum(totals)
     tile = 0
