@@ -1,1 +1,1 @@
-"""The device: OpenCL alone. Nothing here knows a triangle."""
+"""The device: OpenCL alone. Nothing here knows what a triangle is."""

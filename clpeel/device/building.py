@@ -1,4 +1,4 @@
-"""Building: kernel sources to programs, by the driver's compiler or from what it made before (cache.py)."""
+"""Building: makes programs of kernel sources. They are compiled by the driver, or come from the cache (cache.py)."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from clpeel.device.cache import Cache, key_of
 
 
 def _forget_databases() -> None:
-    """pyopencl's databases are not opened: they hold code that it writes and runs unchecked, and a damaged one crashes.
+    """Keeps pyopencl from opening its databases.
 
-    To write it anew takes a millisecond for each kernel of a process.
+    They hold Python code that pyopencl wrote before and runs unchecked, so a damaged database crashes the process.
+    Without them pyopencl writes the code again in each process, which takes a millisecond for each kernel.
     """
     cl._PYOPENCL_NO_CACHE = True
-    from pyopencl import invoker  # which else opens one
+    from pyopencl import invoker  # it opens a database unless it is replaced below
 
     written = invoker._generate_enqueue_and_set_args_module
     if not hasattr(written, "cache_info"):
@@ -31,14 +32,17 @@ def _forget_databases() -> None:
 _forget_databases()
 
 BUILDING = Lock()
-"""Held by who calls `build`: what is new in the workshop is then of the program that is being built."""
+"""The caller of `build` must hold this lock. New folders in the workshop then belong to the program being built."""
 
 _keeping = Lock()
 
 
 @dataclass
 class _Built:
-    """A program that PoCL has in the workshop, and which of its files have been kept."""
+    """A program that PoCL has built in the workshop.
+
+    folders: its folders there. kept: the files that the cache already has.
+    """
 
     cache: Cache
     key: str
@@ -46,7 +50,7 @@ class _Built:
     kept: frozenset[str]
 
     def keep(self) -> None:
-        """Keeps the program as it is now, where more of it has been compiled: kernels are, when they first run."""
+        """Writes the program to the cache again if it has new files. PoCL compiles a kernel when it first runs."""
         files = frozenset[str]().union(*(workshop.files_of(folder) for folder in self.folders))
         if files != self.kept:
             self.cache.write(self.key, workshop.packed(files))
@@ -54,14 +58,14 @@ class _Built:
 
 
 _built: list[_Built] = []
-_new: list[_Built] = []  # those that have not been kept yet
-_at_work = 0  # pictures that are being made: kernels may be compiled meanwhile, and their files be in pieces
+_new: list[_Built] = []  # programs that have not been written to the cache yet
+_at_work = 0  # how many pictures are being made: meanwhile PoCL may compile, and its files may be incomplete
 
 
 def build(context: cl.Context, device: cl.Device, text: str, options: Sequence[str]) -> cl.Program:
-    """The program of a kernel source, built for the device; by one thread at a time (BUILDING).
+    """The program of a kernel source, built for the device. One thread at a time may call it (BUILDING).
 
-    Raises DeviceError where there is no room to build in.
+    Raises DeviceError if PoCL is to compile and has no room for its files.
     """
     platform = device.platform
     cache = Cache((platform.name, device.name, platform.version, device.version, device.driver_version))
@@ -74,7 +78,7 @@ def build(context: cl.Context, device: cl.Device, text: str, options: Sequence[s
         if kept is not None:
             try:
                 return cl.Program(context, [device], [kept]).build(options)
-            except cl.Error:  # a driver need not take back what it gave
+            except cl.Error:  # a driver may refuse a binary that it made itself
                 pass
         program = _compile(context, text, options)
         binaries = program.get_info(cl.program_info.BINARIES)
@@ -84,7 +88,7 @@ def build(context: cl.Context, device: cl.Device, text: str, options: Sequence[s
 
 
 def _build_in_workshop(context: cl.Context, text: str, options: Sequence[str], cache: Cache, key: str) -> cl.Program:
-    """As build, by PoCL, which finds in the workshop what is unpacked there and puts there what it compiles."""
+    """`build` for PoCL. It finds kept files in the workshop, where they are unpacked, and compiles the rest there."""
     workshop.check_room()
     before = workshop.programs()
     data = cache.read(key)
@@ -92,20 +96,20 @@ def _build_in_workshop(context: cl.Context, text: str, options: Sequence[str], c
     program = _compile(context, text, options)
     folders = workshop.programs() - before
     if not _built:
-        workshop.at_exit(_keep_all)  # before the workshop goes, which was there first
+        workshop.at_exit(_keep_all)  # runs before the workshop is removed, as that was registered first
     _built.append(_Built(cache, key, folders, kept))
     _new.append(_built[-1])
     return program
 
 
 def _compile(context: cl.Context, text: str, options: Sequence[str]) -> cl.Program:
-    """Built from source. pyopencl's own cache is not asked: it trusts whatever it finds."""
+    """Builds from source. pyopencl's own cache is off, because it trusts whatever it finds."""
     return cl.Program(context, text).build(options, cache_dir=False)
 
 
 @contextmanager
 def at_work(queue: cl.CommandQueue) -> Iterator[None]:
-    """While a picture is made on the queue: nothing is kept before it is done."""
+    """Wraps the making of a picture on the queue. Nothing is written to the cache before all such work is done."""
     global _at_work
     with _keeping:
         _at_work += 1
@@ -113,7 +117,7 @@ def at_work(queue: cl.CommandQueue) -> Iterator[None]:
         yield
     except BaseException:
         with suppress(cl.Error):
-            queue.finish()  # what is still under way may compile, too
+            queue.finish()  # kernels that still run may be compiling
         raise
     finally:
         with _keeping:
@@ -121,7 +125,10 @@ def at_work(queue: cl.CommandQueue) -> Iterator[None]:
 
 
 def keep() -> None:
-    """Keeps the programs that were built since the last time, unless a picture is being made: then that will."""
+    """Writes the programs built since the last call to the cache. While a picture is being made it does nothing.
+
+    The next call after that picture writes them.
+    """
     if not _new:
         return
     with BUILDING, _keeping:
@@ -130,7 +137,7 @@ def keep() -> None:
 
 
 def _keep_all() -> None:
-    """Keeps all, as kernels may have run in other ways since, for which they were compiled again."""
+    """Keeps all programs once more: kernels may have run in other ways since, and PoCL compiled them again for that."""
     with BUILDING, _keeping:
         for built in _built if _at_work == 0 else ():
             built.keep()

@@ -1,8 +1,9 @@
-"""Compiled kernels kept from one process to the next: read only where they are whole, and never needed.
+"""The cache: keeps compiled kernels from one process to the next. Everything works without it.
 
-A file for each program, in a folder named after all that its contents depend on: the versions of clpeel and the driver,
-the device and the processor. A file begins with a line that tells its size and SHA-256; one that was cut or changed is
-not read, and is written anew. Where nothing can be kept, kernels are compiled each time, and a note says so.
+Each program has a file. Its folder is named after everything that the contents depend on: the versions of clpeel and
+the driver, the device and the processor. A file begins with a line that gives its size and SHA-256. A file that was cut
+or changed is not used, and is written again. If nothing can be kept, kernels are compiled in each process, and a note
+says so.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from pathlib import Path
 from clpeel.errors import InputError
 from clpeel.files import open_at_once, write_whole
 
-_FORMAT = "1"  # of the files: part of their folder's name, so that those of another are not taken for damaged
+_FORMAT = "1"  # of the files. It is part of the folder's name: files of another format then do not look damaged
 _SUFFIX = ".kernels"
-_PROCESSOR_BYTES = 1 << 14  # of /proc/cpuinfo: the first processor's, whose abilities are all's
+_PROCESSOR_BYTES = 1 << 14  # of /proc/cpuinfo: enough for the first processor, and all have the same abilities
 
-_notes: list[str] = []  # for the user
-_noted: set[str] = set()  # what they begin with, up to a colon: one of a kind is enough for a process
+_notes: list[str] = []  # for the user, not shown yet
+_noted: set[str] = set()  # the beginnings of all notes so far, up to the colon: a process shows one of each kind
 
 
 def note(text: str) -> None:
-    """Leaves a note for the next picture, unless one that begins alike was left before."""
+    """Leaves a note for the next picture, unless this process had a note with the same text before the colon."""
     kind = text.partition(":")[0]
     if kind not in _noted:
         _noted.add(kind)
@@ -35,23 +36,23 @@ def note(text: str) -> None:
 
 
 def take_notes() -> list[str]:
-    """The notes that no picture has had yet."""
+    """Returns the notes that no picture has shown yet, and forgets them."""
     notes = list(_notes)
     del _notes[: len(notes)]
     return notes
 
 
 def root() -> Path:
-    """Where compiled kernels are kept: below POCL_CACHE_DIR, XDG_CACHE_HOME or ~/.cache, whichever is set first."""
+    """The folder of all compiled kernels: `clpeel` in POCL_CACHE_DIR, else in XDG_CACHE_HOME, else in ~/.cache."""
     given = os.environ.get("POCL_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     return Path(given or Path("~", ".cache").expanduser()) / "clpeel"
 
 
 class Cache:
-    """What was compiled for one device."""
+    """The kernels that were compiled for one device."""
 
     def __init__(self, device: Sequence[str]) -> None:
-        """device: texts that tell it from all others; the first two are for people to read."""
+        """device: texts that together identify the device and its driver. The first two appear in the folder's name."""
         from clpeel import __version__
 
         told = (__version__, *device, _processor())
@@ -62,11 +63,14 @@ class Cache:
         return self.folder / f"{key}{_SUFFIX}"
 
     def read(self, key: str) -> bytes | None:
-        """What was kept under the key (`key_of`); None where there is nothing, or what there is has been damaged."""
+        """What was kept under the key (`key_of`), or None if there is nothing or it is damaged.
+
+        Leaves a note if it is damaged.
+        """
         try:
             with open(self._file(key), "rb", opener=open_at_once) as file:
                 manifest, _, payload = file.read().partition(b"\n")
-        except OSError:  # no such file, or no such folder, or none that can be read: write will tell
+        except OSError:  # no such file or folder, or it cannot be read: `write` leaves a note then
             return None
         if manifest == _manifest(payload):
             return payload
@@ -74,7 +78,7 @@ class Cache:
         return None
 
     def write(self, key: str, payload: bytes) -> None:
-        """Keeps it, whole or not at all. Leaves a note where that cannot be done."""
+        """Keeps the payload under the key, whole or not at all. Leaves a note if it cannot be kept."""
         try:
             file = self._file(key)
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -89,18 +93,21 @@ class Cache:
 
 
 def key_of(*texts: str) -> str:
-    """The name to keep something under that depends on these texts alone."""
+    """A key that depends on these texts alone: SHA-256, 64 hexadecimal digits."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()
 
 
 def _manifest(payload: bytes) -> bytes:
-    """The line that a file begins with."""
+    """The first line of the payload's file, without the line break."""
     return f"clpeel kernels, {len(payload)} bytes, SHA-256 {hashlib.sha256(payload).hexdigest()}".encode()
 
 
 @remembered
 def _processor() -> str:
-    """What the processor can do: code compiled for one that can more must not run on one that can less."""
+    """The processor and its instruction sets, as text.
+
+    Code that was compiled for a processor with more instructions must not run on one with fewer.
+    """
     try:
         with open("/proc/cpuinfo", "rb") as file:
             lines = file.read(_PROCESSOR_BYTES).partition(b"\n\n")[0].decode("latin-1").splitlines()

@@ -1,4 +1,4 @@
-"""Devices: which there are, how one is found, and opening it."""
+"""Devices: lists them, finds one by number or name, and opens it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ KINDS = {"cpu": cl.device_type.CPU, "gpu": cl.device_type.GPU, "accelerator": cl
 
 CPU_LANES, GPU_LANES = 1, 64
 INTERPRETERS = ("Oclgrind",)
-"""Platforms that are no processor, whatever they say: a vector is no faster there, and Oclgrind rounds some wrongly."""
+"""Platforms that interpret kernels, even where they call themselves a CPU.
+
+Vectors are no faster there, and Oclgrind rounds some vector operations wrongly.
+"""
 
 ALLOWED_LANES = (1, 16, 32, 64, 128)
 
@@ -45,7 +48,7 @@ class DeviceInfo:
 
 
 def list_devices() -> list[DeviceInfo]:
-    """All OpenCL devices, numbered from 0 in the order their platforms are found. Empty when there are none.
+    """All OpenCL devices, numbered from 0 in the order in which platforms are found. Empty if there are none.
 
     Raises DeviceError in a process that was forked from one that has used OpenCL (check_process).
     """
@@ -84,12 +87,14 @@ def _devices_of(platform: cl.Platform) -> list[cl.Device]:
         return []
 
 
-_process: int | None = None  # that has asked the drivers for devices: their threads are its own
+_process: int | None = None  # the process that first used the drivers: their threads exist in it alone
 
 
 def check_process() -> None:
-    """Raises DeviceError in a process that was forked from one that has used OpenCL: the drivers' threads stayed there,
-    and whatever is enqueued would wait for them for ever."""
+    """Raises DeviceError in a process that was forked from one that has used OpenCL.
+
+    The drivers' threads did not come along with the fork. Whatever is enqueued would wait for them for ever.
+    """
     global _process
     if _process is None:
         _process = os.getpid()
@@ -101,9 +106,10 @@ def check_process() -> None:
 
 
 def find_device(selector: int | str | None) -> DeviceInfo:
-    """The device of that number, or whose name or platform holds that text; by default the first CPU device.
+    """The device with that number, or the first one whose name or platform contains that text.
 
-    Raises NoDeviceError when there is no device at all or none fits.
+    By default it is the first CPU device, or the first device if there is no CPU. Raises NoDeviceError when there is no
+    device at all or none fits, and DeviceError as list_devices does.
     """
     devices = list_devices()
     if not devices:
@@ -122,9 +128,11 @@ def find_device(selector: int | str | None) -> DeviceInfo:
 
 
 def open_device(selector: int | str | None = None, lanes: int | None = None) -> Workspace:
-    """A queue on the chosen device. `lanes`: work-items that share a tile; by default 1 on a CPU and 64 elsewhere.
+    """A workspace with a queue on the chosen device.
 
-    The environment variable CLPEEL_DEVICE stands in for a selector that is not given.
+    selector: as for find_device; by default the value of the environment variable CLPEEL_DEVICE. lanes: work-items that
+    share a tile, one of ALLOWED_LANES; by default 1 on a CPU and 64 elsewhere. Raises InputError if the device cannot
+    have so many lanes, and the errors of find_device.
     """
     info = find_device(os.environ.get("CLPEEL_DEVICE") if selector is None else selector)
     device = info.device
@@ -145,7 +153,10 @@ _opening = Lock()
 
 
 def _kept(device: cl.Device) -> tuple[cl.Context, dict[Hashable, cl.Program]]:
-    """A device's context and what was built in it, kept for the process: the second picture need not wait for it."""
+    """A device's context and the programs built in it. They are kept as long as the process lives.
+
+    So only the first workspace of a device waits for compilers.
+    """
     with _opening:
         if device not in _opened:
             _opened[device] = cl.Context([device]), {}

@@ -1,4 +1,4 @@
-"""What the host and the kernels share: constants and compile-time features. Structs are in records.py."""
+"""What the host and the kernels share: constants and compile-time features. The structs are in records.py."""
 
 from __future__ import annotations
 
@@ -6,17 +6,22 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 SUBPIXEL_BITS = 8
-"""Vertices are snapped to 1/256 pixel; sample points lie at the pixels' centres."""
+"""Vertices are snapped to 1/256 pixel. Sample points lie at the centres of pixels."""
 
 SUBPIXELS = 1 << SUBPIXEL_BITS
 
 GUARD_BAND = 1 << 24
 """Largest |x| or |y| of a snapped vertex, in subpixels from the image's centre (65,536 pixels).
-Extents then stay below 2**25, edge functions below 2**51, and every coordinate is an exact float32."""
+
+Extents then stay within 2**25 and edge functions within 2**51, and every coordinate is an exact float32.
+"""
 
 SMALL_EXTENT = 1 << 18
-"""A triangle of fewer subpixels (1,024 pixels) a side has edge functions that fit 32 bits all over the tiles it meets,
-in steps of SUBPIXELS (raster.h): |E| <= 2 * 2**18 * (2**18 + 2**12) < 2**38."""
+"""A triangle is small if its width and height are fewer subpixels than this (1,024 pixels).
+
+All over the tiles that it meets, its edge functions fit 32 bits in steps of SUBPIXELS (walk.h):
+|E| <= 2 * 2**18 * (2**18 + 2**12) < 2**38.
+"""
 
 TILE_BITS = 4
 TILE = 1 << TILE_BITS
@@ -25,80 +30,94 @@ TILE = 1 << TILE_BITS
 TILE_PIXELS = TILE * TILE
 
 BLOCK = 4
-"""Pixels on a side of a block: a tile is walked block by block, and its pixels lie so in memory (common.h)."""
+"""Pixels on a side of a block. Kernels go through a tile block by block, and store its pixels so (common.h)."""
 
 BLOCK_PIXELS = BLOCK * BLOCK
 BLOCKS_A_ROW = TILE // BLOCK
 TILE_BLOCKS = BLOCKS_A_ROW * BLOCKS_A_ROW
 
 FRAGMENT_BYTES = 8
-"""A fragment: its depth key and its payload, as one integer that orders it (raster.h)."""
+"""Bytes of a fragment: its depth key and its payload, in one integer. Fragments are sorted as integers (walk.h)."""
 
 FRAGMENT_PADDING = 16
-"""Fragments that a slab has room for beyond its last: up to seven are read with others (shading.h), and slabs begin
-where rows of 16 may."""
+"""Room for so many fragments behind the last one of a slab.
+
+Kernels read eight fragments at once, so up to seven beyond the last (colors.h). With 16 the next slab begins where a
+row of 16 may.
+"""
 
 IS_OPAQUE = 1 << 31
-"""Of a pixel's count: an opaque surface lies behind. Counts are below 2**24 (binning.py)."""
+"""The bit of a pixel's count that says that an opaque surface lies behind. Counts are below 2**24 (binning.py)."""
 
 LIST_GAP = 8
-"""Fragments that a pixel's list has room for beyond its last: they are moved eight at a time (sorting.h), and lists of
-equal length would fall on the same places of a cache."""
+"""Room for so many fragments behind the last one of a pixel's list.
+
+Fragments are moved eight at a time (sorting.h). Also, without a gap, lists of equal length would fall on the same
+places of a cache.
+"""
 
 COLOR_BYTES = 16
-"""A colour of four floats: a fragment's own where it varies over a face."""
+"""Bytes of a colour of four floats. A fragment has one of its own where colours vary over a face."""
 
 SOURCE_BYTES = 4
-"""The face of a fragment that has a colour of its own, where it is asked for."""
+"""Bytes of a fragment's face number, which is stored on request where fragments have colours of their own."""
 
 MAX_CLIP_VERTICES = 10
-"""A triangle cut by near, far and the four sides of the guard band has at most 3 + 6 corners; one more for room."""
+"""A triangle cut by the near and far planes and the 4 sides of the guard band has at most 3 + 6 corners. 1 is spare."""
 
 CLIP_TRIANGLES = MAX_CLIP_VERTICES - 2
-"""Records kept for the fan of one clipped triangle."""
+"""Records that are reserved for a clipped triangle: its polygon is drawn as a fan of triangles."""
 
 CLIPPED_FACE = 0xFFFF
-"""First pixel column of a face whose records are a clipped fan: it has no columns, being greater than the last."""
+"""The first pixel column in the bounds of a face whose records are a clipped fan.
+
+It is greater than any last column, so the face itself is not drawn.
+"""
 
 RUN_MAX = 256
-"""Fragments of a pixel that are held in private memory at once: deeper ones are sorted in global memory (sorting.h)."""
+"""How many fragments of a pixel fit private memory at once. Deeper pixels are sorted in global memory (sorting.h)."""
 
 INSERTED_MAX = 64
-"""Fragments of a pixel that are put into order one by one where they lie (layers.cl); more are sorted by digits."""
+"""Pixels with up to so many fragments are sorted by insertion (find_layers.cl). Deeper ones are sorted by digits."""
 
 ALL_LAYERS = (1 << 32) - 1
 """More layers than a pixel can have."""
 
 AMBIENT = 0.2
-"""Headlight: the share of the colour that does not depend on the normal; the rest is times |cos|."""
+"""The share of the headlight that does not depend on the normal. The rest is multiplied with |cos|."""
 
 DepthFormat = Literal["float32-reversed", "float32", "unorm24", "rgba8"]
 DEPTH_FORMATS: tuple[DepthFormat, ...] = get_args(DepthFormat)
-"""What is kept of a depth, in the order of the kernels' numbers (depth.h)."""
+"""How a depth is stored. The order is that of the kernels' numbers (depth.h)."""
 
 FLOAT32_REVERSED, FLOAT32, UNORM24, RGBA8 = range(len(DEPTH_FORMATS))
 
-# Outcodes of a projected vertex: one bit for each clipping plane it lies outside of.
+# Bits of a projected vertex's outcode: one for each clipping plane that it lies outside of, one for NaN or infinity.
 OUT_NEAR, OUT_FAR, OUT_LEFT, OUT_RIGHT, OUT_TOP, OUT_BOTTOM, NOT_FINITE = (1 << bit for bit in range(7))
 
-# What a face needs: nothing (0), a record, clipping, or to be counted as not finite.
+# What a face needs: nothing (0), a record, a record and clipping, or to be counted as not finite.
 DRAWN, CLIPPED, DISCARDED = 1, 2, 3
 
-# What is known of a record's face, one bit each: its edge functions fit 32 bits (SMALL_EXTENT), it is seen from behind
-# (its corners, as given, run clockwise), all its alphas are 1. The last stands beside a face's state, too.
+# Flags of a record, one bit each. SMALL: its edge functions fit 32 bits (SMALL_EXTENT). BACK_FACING: the face is seen
+# from behind (its corners, as given, run clockwise). OPAQUE: all its alphas are 1; a face's state has this bit, too.
 SMALL, BACK_FACING, OPAQUE = 1, 2, 4
 
 LIST_RUN = 64
-"""Faces that are sifted at once (projection.cl)."""
+"""How many faces list_triangles goes through at once (projection.cl)."""
 
 PADDING = 16
-"""Vertices, faces or records that a work-item may write past the last one: as many as it does at once (wide.h).
-Also numbers in a line of a cache, where what is not wanted is written (binning.cl)."""
+"""How many vertices, faces or records a work-item computes at once (wide.h), so it may write some past the last one.
+
+It is also how many numbers a cache line has. Binning writes unwanted numbers to a line of their own (binning.cl).
+"""
 
 
 @dataclass(frozen=True)
 class Features:
-    """What a scene and a request need, and so what the kernels are compiled for."""
+    """What kernels are compiled for. It depends on the scene and the request.
+
+    lanes: work-items that share a tile.
+    """
 
     lanes: int
     perspective: bool
@@ -106,31 +125,34 @@ class Features:
     color_rate: str  # "scene" | "face" | "vertex"
     packed_color: bool  # colours come as 4 bytes rather than 4 floats
     headlight: bool
-    surfaces: str = "transparent"  # or "opaque", or "mixed": what is drawn first needs telling apart
+    surfaces: str = "transparent"  # or "opaque", or "mixed": opaque faces are marked and drawn first
     depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED]
 
     @property
     def fragment_color(self) -> bool:
-        """Whether each fragment has a colour of its own rather than its face's."""
+        """Whether each fragment has a colour of its own, instead of its face's colour."""
         return self.color_rate == "vertex" or self.headlight
 
     @property
     def fragment_bytes(self) -> int:
-        """Bytes of one fragment: depth and payload, and a float4 where the colour varies."""
+        """Bytes of one fragment: depth and payload, and a float4 if fragments have colours of their own."""
         return FRAGMENT_BYTES + (COLOR_BYTES if self.fragment_color else 0)
 
     @property
     def strip(self) -> int:
-        """Pixels of a block that a lane works on at once."""
+        """How many pixels of a block a lane works on at once."""
         return min(BLOCK_PIXELS, TILE_PIXELS // self.lanes)
 
     @property
     def wide(self) -> int:
-        """Vertices or triangles that a work-item computes at once: one that has a tile to itself has vectors too."""
+        """How many vertices or triangles a work-item computes at once.
+
+        A CPU has vectors, so it computes several. It is also where a work-item has a tile to itself: lanes is 1.
+        """
         return PADDING if self.lanes == 1 else 1
 
     def options(self) -> list[str]:
-        """-D options for the kernels."""
+        """The features as -D options of the compiler."""
         flags = {
             "LANES": self.lanes,
             "STRIP": self.strip,

@@ -1,4 +1,4 @@
-"""Programs: kernel sources to launchable kernels, by argument name; the one place that launches and times."""
+"""Programs: makes kernels of kernel sources, launches them by argument name, and times them. Only it launches any."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ _KERNEL = re.compile(r"^kernel void (\w+)\(([^)]*)\)", re.MULTILINE)
 _SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
 
 GROUP = 64
-"""Work-items a group where the kernel does not care: a fixed size lets the compiler run them side by side."""
+"""Work-items of a group where the kernel does not care. With a fixed size the compiler can run them side by side."""
 
 CHUNKS_A_UNIT = 8
-"""Chunks for each compute unit where a work-item goes through many items in order: enough for an even load."""
+"""Chunks for each compute unit, where a work-item goes through a chunk of items in order. 8 balance the load."""
 
 CORRECTLY_ROUNDED = "-cl-fp32-correctly-rounded-divide-sqrt"
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled kernel and its arguments' names, in order."""
+    """A compiled kernel, and the names of its arguments in order."""
 
     kernel: cl.Kernel
     names: tuple[str, ...]
 
 
 def kernel_folder() -> Traversable:
-    """Where the kernel files are: in the installed package, or beside it in a copy of the repository."""
+    """The folder of the kernel files: in the installed package, or beside it in a copy of the repository."""
     try:
         return resources.files("clpeel.kernels")
     except ModuleNotFoundError:
@@ -49,7 +49,7 @@ def kernel_folder() -> Traversable:
 
 @cache
 def source(path: str) -> str:
-    """The text of a kernel file, its includes put in once each where they are first asked for."""
+    """The text of a kernel file, after the shared declarations. Each include is put in once, where it first appears."""
     seen: set[str] = set()
 
     def expand(name: str) -> str:
@@ -63,7 +63,10 @@ def source(path: str) -> str:
 
 
 def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str, Kernel]:
-    """The kernels of a file, compiled for these features and other constants; compiled once for each `gpu`."""
+    """The kernels of a file by name, compiled for these features and further constants (`defines`).
+
+    They are compiled once for each device and process. Raises DeviceError if there is no room to compile in (build).
+    """
     key = path, features, *sorted(defines.items())
     if key not in gpu.programs:
         text = source(path)
@@ -72,7 +75,7 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
                 gpu.builds[key] = build(gpu.context, gpu.device, text, build_options(gpu, features, defines))
         built = gpu.builds[key]
         kernels = {}
-        compiled = set(built.get_info(cl.program_info.KERNEL_NAMES).split(";"))  # #if may leave some of the text out
+        compiled = set(built.get_info(cl.program_info.KERNEL_NAMES).split(";"))  # #if may have removed some
         for name, parameters in _KERNEL.findall(text):
             if name not in compiled:
                 continue
@@ -80,7 +83,7 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
             names = tuple(re.split(r"[ *]", word)[-1] for word in words)
             scalars = tuple(None if "*" in word else _SCALARS[word.split(" ")[0]] for word in words)
             kernel = cl.Kernel(built, name)
-            kernel.set_scalar_arg_dtypes(scalars)  # all arguments in one call, at a microsecond or two
+            kernel.set_scalar_arg_dtypes(scalars)  # set_args then takes a microsecond or two for all
             kernels[name] = Kernel(kernel, names)
         gpu.programs[key] = kernels
     found: dict[str, Kernel] = gpu.programs[key]
@@ -88,7 +91,7 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
 
 
 def build_options(gpu: Gpu, features: Features, defines: dict[str, int]) -> list[str]:
-    """What the compiler is told besides the source."""
+    """The options of the compiler."""
     options = ["-cl-std=CL1.2", "-w", *features.options(), *(f"-D{name}={value}" for name, value in defines.items())]
     if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
         options.append(CORRECTLY_ROUNDED)
@@ -96,16 +99,20 @@ def build_options(gpu: Gpu, features: Features, defines: dict[str, int]) -> list
 
 
 def cut(gpu: Gpu, items: int, most: int | None = None) -> tuple[int, int]:
-    """Chunks of consecutive items, a work-item each: how many items in one, and how many chunks (`most` at most)."""
+    """Cuts items into chunks of consecutive ones, a work-item for each chunk.
+
+    most: the most chunks, at least 1. Returns how many items a chunk has, and how many chunks there are.
+    """
     chunks = CHUNKS_A_UNIT * int(gpu.device.max_compute_units)
     size = -(-max(items, 1) // max(min(chunks, items, chunks if most is None else most), 1))
     return size, -(-max(items, 1) // size)
 
 
 def launch(gpu: Gpu, stage: str, kernel: Kernel, groups: int, lanes: int | None = None, **arguments: Any) -> None:
-    """Enqueues `groups` work-groups of `lanes` work-items, or `groups` work-items where the driver may group them.
+    """Enqueues a kernel: `groups` work-groups of `lanes` work-items or, if lanes is None, `groups` work-items.
 
-    stage: what the time is booked on. arguments: by the kernel's own names, each exactly once.
+    The number of work-items is then rounded up to a multiple of GROUP. stage: the stage that the time counts for.
+    arguments: by the kernel's own names, each exactly once. Raises TypeError if one is missing or unknown.
     """
     if groups == 0:
         return
@@ -120,7 +127,7 @@ def launch(gpu: Gpu, stage: str, kernel: Kernel, groups: int, lanes: int | None 
 
 
 def device_seconds(gpu: Gpu) -> tuple[dict[str, float], dict[str, float]]:
-    """Seconds of each stage and of each kernel since the last call, by the events' own clocks; waits for the queue."""
+    """Seconds of each stage and of each kernel since the last call, by the device's clock. Waits for the queue."""
     gpu.queue.finish()
     stages: dict[str, float] = {}
     kernels: dict[str, float] = {}

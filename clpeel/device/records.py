@@ -1,4 +1,4 @@
-"""Records: the structs that the host and the kernels share, as NumPy's types and as OpenCL C."""
+"""Records: the structs that the host and the kernels share, as NumPy dtypes and as OpenCL C."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ VERTEX = np.dtype(
         ("outcode", np.uint32),
     ]
 )
-"""A vertex after projection; only `outcode` means anything when it is not zero."""
+"""A vertex after projection. If `outcode` is not zero, the other fields mean nothing."""
 
 TRIANGLE = np.dtype(
     [
-        ("x", np.int32, 3),  # snapped corners in subpixels, farthest first, the area positive with y down
+        ("x", np.int32, 3),  # snapped corners in subpixels, farthest first; area positive, y down
         ("y", np.int32, 3),
-        ("depth", np.float32, 3),  # of its plane at the first snapped corner, and how much more at the others
-        ("depth_min", np.float32),  # of the exact corners: no fragment lies outside them
+        ("depth", np.float32, 3),  # of its plane: at the first snapped corner, and how much more at the others
+        ("depth_min", np.float32),  # the least and the greatest depth of the exact corners: fragments stay within these
         ("depth_max", np.float32),
         ("inverse_area", np.float32),  # 1 / twice the area in square subpixels
-        ("source", np.uint32),  # submission index: the face it comes from
+        ("source", np.uint32),  # submission index: the number of its face
         ("flags", np.uint32),  # SMALL | BACK_FACING | OPAQUE
-        ("left_right", np.uint32),  # its bounds again: first column | last column << 16
+        ("left_right", np.uint32),  # its bounds, as in `bounds`: first column | last column << 16
         ("top_bottom", np.uint32),  # first row | last row << 16
     ]
 )
-"""What the rasterizer needs of a triangle: 64 bytes, a cache line."""
+"""A record: what the rasterizer needs of a triangle. It has 64 bytes, a cache line."""
 
 PEEL_TOTALS = np.dtype(
     [
         ("fragments", np.uint32),
-        ("layers", np.uint32),  # peeled of the deepest pixel
-        ("passes", np.uint32),  # where passes are repeated: 1 + a pixel for which there is no end to them
+        ("layers", np.uint32),  # layers that were peeled of the deepest pixel
+        ("passes", np.uint32),  # issued; where passes are repeated: 1 + a pixel whose passes have no end, or 0
         ("truncated", np.uint32),  # samples with layers that no pass reached
-        ("hidden", np.float32),  # the greatest transmittance of those
+        ("hidden", np.float32),  # the greatest transmittance in front of such layers
         ("opaque", np.uint32),  # samples with an opaque surface
     ]
 )
@@ -49,7 +49,7 @@ PEEL_TOTALS = np.dtype(
 ONE_PASS_TOTALS = np.dtype(
     [
         ("fragments", np.uint32),
-        ("layers", np.uint32),  # of the deepest pixel
+        ("layers", np.uint32),  # fragments of the deepest pixel
         ("opaque", np.uint32),  # samples with an opaque surface
         ("spare", np.uint32),
     ]
@@ -57,24 +57,24 @@ ONE_PASS_TOTALS = np.dtype(
 """What one pass counts of a tile: a uint4 (one_pass.h)."""
 
 WINDOW_TOTALS = np.dtype([("fragments", np.uint32), ("layers", np.uint32)])
-"""What is counted of a tile before its fragments are emitted: a uint2 (windows.cl)."""
+"""Fragments of a tile and of its deepest pixel, counted before the fragments are emitted: a uint2 (windows.cl)."""
 
 COUNT_TOTALS = np.dtype(
     [
-        ("fragments", np.uint32),  # transparent, in front of what is opaque
-        ("layers", np.uint32),  # those of the deepest pixel
+        ("fragments", np.uint32),  # transparent fragments in front of opaque surfaces
+        ("layers", np.uint32),  # such fragments of the deepest pixel
         ("opaque", np.uint32),  # samples with an opaque surface
-        ("all_fragments", np.uint32),  # of all surfaces, whatever lies in front
-        ("all_layers", np.uint32),  # those of the deepest pixel
-        ("visits", np.uint32),  # strips visited of transparent records
-        ("opaque_visits", np.uint32),  # strips visited of opaque records
+        ("all_fragments", np.uint32),  # fragments of all surfaces, even behind opaque ones
+        ("all_layers", np.uint32),  # such fragments of the deepest pixel
+        ("visits", np.uint32),  # strips visited for transparent records
+        ("opaque_visits", np.uint32),  # strips visited for opaque records
         ("opaque_records", np.uint32),
     ]
 )
-"""What counting a tile's layers finds (counting.cl)."""
+"""What counting finds in a tile (counting.cl)."""
 
 TOTALS = {"PEEL": PEEL_TOTALS, "COUNT": COUNT_TOTALS}
-"""Totals that kernels keep as arrays of uints: a kernel's place of `layers` in PEEL is PEEL_LAYERS."""
+"""Totals that kernels keep as arrays of uints. In a kernel, PEEL_LAYERS is the place of `layers` in PEEL_TOTALS."""
 
 STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE}
 
@@ -82,7 +82,7 @@ _C_TYPES = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.
 
 
 def declarations() -> str:
-    """OpenCL C text of the shared constants, structs, and places of totals."""
+    """OpenCL C text that declares the shared constants, the structs, and the places of totals."""
     lines = [
         f"#define {name} {value}"
         for name, value in vars(layout).items()

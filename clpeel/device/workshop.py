@@ -1,8 +1,8 @@
-"""The workshop: a folder of this process's own that PoCL compiles in, taken apart and put together by program.
+"""The workshop: a temporary folder of this process alone, in which PoCL compiles.
 
-PoCL keeps what it compiles in files, and trusts those that it finds: one that was cut crashes the process when its
-code runs. So it gets an empty folder. What earlier processes compiled is put there program by program, once it is known
-to be whole (cache.py), and what is new is taken from there to be kept.
+PoCL stores what it compiles in files, and it trusts the files that it finds. A file that was cut crashes the process
+when its code runs. So PoCL gets an empty folder. The cache (cache.py) knows which files are whole: only these are put
+into the folder, program by program. New files are taken from there to the cache.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from clpeel.errors import DeviceError
 from clpeel.files import held_folder
 
 ROOM = 64 << 20
-"""Bytes that must be free: the largest program takes less than 1 MiB, and a compiler that runs out of space aborts."""
+"""Bytes that must be free. The largest program takes less than 1 MiB, but a compiler without space ends the process."""
 
 _PROGRAM, _KERNELS = "program.bc", ".so"
-"""What is kept of a program's folder: the program, and its kernels as compiled for sizes of work-groups."""
+"""The files of a program's folder that are kept: the program, and its kernels as compiled for sizes of work-groups."""
 
 _starting = Lock()
 
 
 @contextmanager
 def drivers_start() -> Iterator[None]:
-    """While the drivers are asked for their devices: PoCL then learns where it may compile.
+    """Wraps a request for the drivers' devices: at the first one PoCL reads from the environment where to compile.
 
-    The environment is afterwards what it was, as processes that this one starts have workshops of their own.
+    Afterwards the environment is as before, because child processes must have workshops of their own.
     """
     with _starting:
         before = os.environ.get("POCL_CACHE_DIR")
@@ -51,9 +51,10 @@ def drivers_start() -> Iterator[None]:
 
 @cache
 def folder() -> Path:
-    """The workshop's folder, which goes when the process ends. Raises DeviceError where there is room for none.
+    """The workshop's folder. It is removed when the process ends. Raises DeviceError if no place has room for it.
 
-    In memory, unless TMPDIR says where: files that live so shortly cost a disk more than they are worth.
+    It is in memory (/dev/shm) if possible, unless TMPDIR names a place: writing such short-lived files to a disk would
+    be wasteful.
     """
     tried = dict.fromkeys((os.environ.get("TMPDIR", "/dev/shm"), *_temporary(), "/var/tmp", os.path.expanduser("~")))
     for place in tried:
@@ -71,7 +72,7 @@ def folder() -> Path:
 
 
 def _temporary() -> list[str]:
-    """The system's folder for what is temporary; none where nothing can be written anywhere."""
+    """The system's folder for temporary files; an empty list if Python finds none that it can write to."""
     try:
         return [tempfile.gettempdir()]
     except FileNotFoundError:
@@ -79,7 +80,7 @@ def _temporary() -> list[str]:
 
 
 def at_exit(do: Callable[[], object]) -> None:
-    """Does it when this process ends, but not when one does that was forked from it."""
+    """Calls `do` when this process ends, but not when a process ends that was forked from it."""
     process = os.getpid()
 
     def do_at_exit() -> None:
@@ -90,7 +91,7 @@ def at_exit(do: Callable[[], object]) -> None:
 
 
 def _has_room(place: str) -> bool:
-    """Whether code can be compiled there, and run."""
+    """Whether code can be compiled at this place, and run from there."""
     try:
         there = os.statvfs(place)
     except (OSError, AttributeError):
@@ -100,13 +101,13 @@ def _has_room(place: str) -> bool:
 
 
 def check_room() -> None:
-    """Raises DeviceError where the workshop's disk has become full: the compiler would end the process."""
+    """Raises DeviceError if the workshop's disk has become full: the compiler would end the process."""
     if not _has_room(str(folder())):
         raise DeviceError(f"compiling kernels: expected '{folder()}' with {ROOM >> 20} MiB free, got less; make room")
 
 
 def programs() -> frozenset[str]:
-    """The folders of all programs in the workshop, by their names within it."""
+    """The folders of all programs in the workshop, as paths relative to it."""
     return frozenset(
         f"{outer.name}/{inner.name}"
         for outer in os.scandir(folder())
@@ -116,7 +117,7 @@ def programs() -> frozenset[str]:
 
 
 def files_of(program: str) -> frozenset[str]:
-    """The files that make up a program, by their names within the workshop."""
+    """The files of a program that are kept, as paths relative to the workshop. program: its folder (programs)."""
     top = str(folder())
     return frozenset(
         os.path.relpath(os.path.join(at, name), top)
@@ -127,7 +128,7 @@ def files_of(program: str) -> frozenset[str]:
 
 
 def packed(files: frozenset[str]) -> bytes:
-    """Files of the workshop as one, in an order of their own: the same files give the same bytes."""
+    """Packs files of the workshop into one archive. The order is fixed, so the same files give the same bytes."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(files):
@@ -136,7 +137,10 @@ def packed(files: frozenset[str]) -> bytes:
 
 
 def unpack(data: bytes) -> frozenset[str]:
-    """Puts packed files back where they were, and returns their names; those that are there stay, as code may run."""
+    """Puts packed files back to their places in the workshop, and returns their names.
+
+    Files that exist already are not overwritten, as their code may be running.
+    """
     top = str(folder())
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         names = archive.namelist()

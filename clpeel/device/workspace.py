@@ -1,4 +1,4 @@
-"""The workspace: a device with its queue, programs, buffers and events. All state of computing is here."""
+"""The workspace: a device with its queue, programs, buffers and events. All state on the device is here."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Workspace:
     """A device, and everything that is kept on it from one picture to the next.
 
     lanes: work-items that share a tile. builds: compiled programs, shared by all workspaces of the device. programs:
-    kernels by what they were compiled for. events: of the picture's launches, as (stage, kernel, event). sent: what is
-    on its way to the device, each with the array that it comes from.
+    kernels, by what they were compiled for. buffers: by name. events: the launches of the picture, as (stage, kernel,
+    event). sent: copies that may still be on the way to the device; each event keeps its source array alive.
     """
 
     device: cl.Device
@@ -31,7 +31,7 @@ class Workspace:
     sent: list[cl.Event] = field(default_factory=list)
 
     def buffer(self, name: str, nbytes: int) -> cl.Buffer:
-        """The buffer of that name, of at least nbytes; it is kept and only ever grows, so frames allocate nothing."""
+        """The buffer of that name, with at least nbytes. It is kept and only grows: later pictures allocate nothing."""
         held = self.buffers.get(name)
         if held is None or held.size < nbytes:
             self.buffers.pop(name, None)
@@ -41,21 +41,21 @@ class Workspace:
         return held
 
     def release(self, *names: str) -> None:
-        """Gives the memory of these buffers back, if they are there; nothing may be using them any more."""
+        """Frees these buffers, if they exist. No kernel may be using them any more."""
         for name in names:
             if name in self.buffers:
                 self.buffers.pop(name).release()
 
     def put(self, name: str, array: NDArray[Any]) -> cl.Buffer:
-        """The buffer of that name, filled from the array before anything that is enqueued later; does not wait."""
+        """Copies the array to the buffer of that name. Does not wait; what is enqueued later sees the copy."""
         held = self.buffer(name, array.nbytes)
         if array.nbytes:
             self.sent.append(cl.enqueue_copy(self.queue, held, np.array(array, order="C"), is_blocking=False))
         return held
 
     def get(self, held: cl.Buffer, shape: int | tuple[int, ...], dtype: DTypeLike, offset: int = 0) -> NDArray[Any]:
-        """The buffer's elements from `offset` bytes on; waits for the device."""
+        """Copies the buffer's elements from `offset` bytes on to a new array. Waits for the device."""
         array = np.empty(shape, dtype)
         cl.enqueue_copy(self.queue, array, held, src_offset=offset, is_blocking=True)
-        self.sent.clear()  # the queue is in order: what was sent before has arrived
+        self.sent.clear()  # the queue is in order: all earlier copies have arrived
         return array

@@ -21,7 +21,7 @@ REPORTED_PAIRS = 1 << 18
 """How many records in tiles are drawn between two reports of progress. It takes some tenths of a second."""
 
 AtTile = Callable[[int], None]
-"""Called now and then as tiles are drawn: all tiles of the picture below this number are done."""
+"""Called now and then as a batch is drawn, with a tile number of the picture: the batch is done up to that tile."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def draw_tiles(
 
 
 def stage_of(path: str) -> str:
-    """The stage that a kernel file's time counts for: the file's name, which is that of its technique."""
+    """The stage that the time of a technique's kernel counts for: the kernel file's name without folder and `.cl`."""
     return path.removesuffix(".cl").rpartition("/")[2]
 
 
