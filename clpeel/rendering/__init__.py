@@ -1,1 +1,1 @@
-"""Rendering: a request to a result, by the stages and a technique."""
+"""Rendering: turns a request into a result, by the stages and a technique."""

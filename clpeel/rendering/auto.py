@@ -1,7 +1,7 @@
-"""auto: which technique a picture needs, found by a look at it that costs little beside drawing it.
+"""auto: chooses the technique that draws a picture fastest.
 
-All that may be chosen keep to the error that was asked for, whatever the look has missed: it decides how long the
-picture takes and not how right it is.
+For that it counts a sample of the picture's tiles, which costs little beside drawing it. Only techniques that keep to
+the requested error may be chosen. So a misleading sample can make the picture slower, but never less right.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from clpeel.techniques import TECHNIQUES, AnyTechnique
 from clpeel.techniques.precision import DEFAULT_PRECISION, Bounded, blending_bound
 
 FEW_RECORDS = 8192
-"""In tiles: a picture of fewer takes about a millisecond, and is not looked at."""
+"""A first batch with fewer records in its tiles takes about a millisecond. auto then draws without counting."""
 
 UNLIKELY = 2.0
-"""Standard deviations: of a tile's 256 pixels few let more through than that."""
+"""Standard deviations: few of a tile's 256 pixels let through more than the mean and so many of these."""
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """A technique that keeps to the error, with its options.
+    """A technique with options that keep to the error.
 
-    nanoseconds: of drawing, where costs were measured (costs.py). nbytes: of the device's memory, with the scene.
-    fits: whether the memory surely holds what it needs.
+    nanoseconds: of drawing, on the device where costs were measured (costs.py); 0 if nothing was counted. nbytes: bytes
+    of the device's memory, with the scene. fits: whether what it needs is certain to fit the memory.
     """
 
     technique: AnyTechnique
@@ -48,13 +48,17 @@ class Alternative:
 
     @property
     def name(self) -> str:
-        """The technique and those of its options that make it another."""
+        """The technique's name and the options that make it a different variant (Technique.label)."""
         return self.technique.label(self.options)
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen, the error that it keeps to, why, and what else there was, all of it."""
+    """What auto chose.
+
+    max_error: the error that the chosen technique keeps to, 0..1. reason: one clause that says why. others: all
+    alternatives that were not chosen, the fastest first.
+    """
 
     chosen: Alternative
     max_error: float
@@ -62,13 +66,13 @@ class Choice:
     others: tuple[Alternative, ...]
 
     def explanation(self, seconds: dict[str, float]) -> list[str]:
-        """Three lines: what, why, and what the alternatives would have taken, beside the seconds that this one has.
+        """Three lines of text: what was chosen, why, and what the alternatives would have taken.
 
-        seconds: by stage, of the device, as of `Result.stats`.
+        seconds: by stage, as in `Stats.seconds`. The alternatives' times are scaled by what the chosen one took.
         """
         own = seconds.get(self.chosen.technique.name, 0.0)
         device = seconds["total"] - seconds["host"]
-        others = self.others if self.chosen.nanoseconds else ()  # of what was not looked at nothing is known
+        others = self.others if self.chosen.nanoseconds else ()  # without counts nothing is known of others
 
         def cost(other: Alternative) -> str:
             about = device - own + own * other.nanoseconds / self.chosen.nanoseconds
@@ -83,29 +87,39 @@ class Choice:
 
 
 def took(seconds: float, nbytes: int) -> str:
-    """Of the device's time and memory."""
+    """Time and memory of the device as text, in ms and MiB."""
     milliseconds, mebibytes = 1000 * seconds, nbytes / 2**20
     texts = (f"{value:.3g}" if value < 1000 else f"{value:,.0f}" for value in (milliseconds, mebibytes))
     return "{} ms, {} MiB".format(*texts)
 
 
 def error_for_8_bits(layers: int) -> float:
-    """What may be left out of so many layers at most, so that with rounding no 8-bit value is off by over one step."""
+    """The greatest error that skipping may make in so many layers.
+
+    Together with rounding, no 8-bit value is then off by more than one step.
+    """
     return max(STEP - blending_bound(layers), 0.0)
 
 
 def layers_seen(max_error: float, mean: float, deviation: float) -> int:
-    """How many layers almost all pixels need until no more than max_error is left, of such optical depths."""
+    """How many layers almost all pixels need until they let through no more than max_error.
+
+    mean, deviation: of the optical depths of the scene's transparent colours, -ln(1 - alpha). ALL_LAYERS if nothing may
+    be skipped.
+    """
     if max_error <= 0 or mean <= 0:
         return ALL_LAYERS
-    # n mean - UNLIKELY deviation sqrt(n) = -ln(max_error)
+    # Solves n mean - UNLIKELY deviation sqrt(n) = -ln(max_error) for n.
     spread = UNLIKELY * deviation
     root = (spread + math.sqrt(spread**2 - 4 * mean * math.log(max_error))) / (2 * mean)
     return max(math.ceil(root**2 - 1e-6), 1)
 
 
 def candidates(max_error: float, most_layers: int, most_alpha: float) -> Iterator[tuple[AnyTechnique, Options]]:
-    """Techniques that keep to the error with so many layers of such alphas, and their options."""
+    """Yields the techniques, with options, that keep to max_error.
+
+    most_layers: no pixel has more. most_alpha: the greatest alpha of a transparent colour.
+    """
     for technique in TECHNIQUES.values():
         if technique.exact and issubclass(technique.options, Bounded):
             for variant in technique.variants():
@@ -117,13 +131,16 @@ def candidates(max_error: float, most_layers: int, most_alpha: float) -> Iterato
 
 
 def capacity_of(technique: AnyTechnique, features: Features, budget: Budget) -> int:
-    """How many fragments of the technique the budget has room for."""
+    """How many of the technique's fragments fit the budget."""
     widest = COLOR_BYTES if features.fragment_color else FRAGMENT_BYTES
     return budget.capacity(features.fragment_bytes + technique.scratch_bytes, widest)
 
 
 def chosen_for(request: Request, tiles: Tiles, budget: Budget) -> tuple[Request, Iterator[Batch], Choice | None]:
-    """The request with a technique, and the batches to draw: auto looks at the first and chooses."""
+    """The request with its final technique, the batches to draw, and what auto chose (None without auto).
+
+    auto examines the first batch, which is a middle one of the picture, and chooses.
+    """
     batches = tiles.batches(budget.batch, middle_first=request.is_auto)
     if not request.is_auto:
         return request, batches, None
@@ -135,13 +152,12 @@ def chosen_for(request: Request, tiles: Tiles, budget: Budget) -> tuple[Request,
 
 
 def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budget) -> Choice:
-    """Looks at a batch and chooses among all techniques that keep to the request's error.
+    """Counts some tiles of a batch, and chooses among all techniques that keep to the request's error.
 
-    Without an error in the request that is error_for_8_bits. Where layers are asked for, the techniques that peel are
-    left.
+    If the request gives no error, it is error_for_8_bits. If layers are requested, only techniques that sort are left.
     """
     gpu, triangles = tiles.gpu, tiles.triangles
-    most_layers = int(tiles.tile_pairs.max())  # the longest list of a tile, and so more than any pixel has
+    most_layers = int(tiles.tile_pairs.max())  # the longest list: no pixel has more layers
     asked = request.max_error
     error = error_for_8_bits(most_layers + 1) if asked is None else float32_below(asked)
     features, records = triangles.features, int(batch.tile_pairs.sum())
@@ -161,7 +177,7 @@ def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budge
         if found is None:
             nanoseconds = 0.0
         elif cost is None:
-            continue  # nobody has measured it
+            continue  # its costs were not measured
         else:
             nanoseconds = work_of(technique, found, features.fragment_color, options, seen).nanoseconds(cost)
         fits = not technique.stores_fragments or most_layers + LIST_GAP <= capacity
@@ -171,7 +187,7 @@ def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budge
             else totals_bytes(batch)
         )
         choices.append(Alternative(technique, options, nanoseconds, nbytes, fits))
-    # The registry's first is the exact one that has no need of the look.
+    # Without counts all are equal, and min takes the first of the registry: an exact one, which needs no estimate.
     fitting = [choice for choice in choices if choice.fits] or choices
     best = min(fitting, key=lambda choice: choice.nanoseconds)
     others = sorted((choice for choice in choices if choice is not best), key=lambda choice: choice.nanoseconds)
@@ -179,7 +195,10 @@ def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budge
 
 
 def reason(surfaces: str, found: TileCounts | None, seen: int, records: int) -> str:
-    """One clause that explains the choice, for Choice.explanation."""
+    """One clause that explains the choice, for Choice.explanation.
+
+    found: what was counted, or None. seen: how many layers hide what is behind (layers_seen). records: of the batch.
+    """
     if surfaces == "opaque":
         return "nothing is transparent, so that one pass finds the nearest surfaces whatever the technique"
     if found is None:

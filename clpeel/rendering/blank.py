@@ -1,4 +1,4 @@
-"""Blank pictures: which of them are, and why, in words that say what to do."""
+"""Blank pictures: tells whether a picture is blank and why, in words that say what to do."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 SEEN = 2
-"""Steps of 255 that nobody sees: a picture that differs by no more is blank."""
+"""Steps of 1/255 that nobody sees. A picture that differs from its background by no more is blank."""
 
 
 def why_blank(
@@ -25,9 +25,10 @@ def why_blank(
     covered: int,
     discarded: int,
 ) -> str | None:
-    """Why nothing shows in a picture, in one line; None where something does.
+    """Why nothing shows in a picture, in one line; None if something does.
 
-    image: uint8 [height, width, 4]. covered: samples with a fragment. discarded: triangles that are not finite.
+    image: uint8 [height, width, 4]. background: three numbers 0..1, or None for straight alpha. covered: 0 if no sample
+    has a surface. discarded: how many triangles have corners that are NaN or infinite.
     """
     if covered == 0:
         return f"the picture is blank: {_why_nothing_is_covered(scene, camera, discarded)}"
@@ -44,7 +45,10 @@ def why_blank(
 
 
 def _is_blank(image: NDArray[np.uint8], background: Sequence[float] | None) -> bool:
-    """Whether all pixels are the background to the eye. Most pictures are told by their middle row."""
+    """Whether to the eye all pixels are the background.
+
+    The middle row is examined first: in most pictures that are not blank it already differs.
+    """
     if background is None:
         return bool((image[len(image) // 2, :, 3] <= SEEN).all() and (image[..., 3] <= SEEN).all())
     level = (np.array([*background, 1.0]) * 255 + 0.5).astype(np.int16)

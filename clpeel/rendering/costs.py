@@ -1,7 +1,7 @@
-"""What drawing costs, technique by technique: the one table of measured numbers that estimates are made of.
+"""What drawing costs, technique by technique: the table of measured numbers that all estimates are made from.
 
-tools/measure_costs.py measures them anew, on any device, and prints this table and how far off its estimates are. These
-are of two cores of an AMD EPYC, PoCL 3.0, which compiles for AVX2 there.
+tools/measure_costs.py measures the numbers again, on any device. It prints this table and how far off its estimates
+are. The numbers here were measured on two cores of an AMD EPYC with PoCL 3.0, which compiles for AVX2 there.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ from dataclasses import dataclass
 from clpeel.techniques.technique import Variant
 
 RECORD, VISIT, PIXEL = 8.41, 3.09, 1.35
-"""Nanoseconds of counting (counting.cl): a record of a tile made ready, a strip of it visited for one, and a
-pixel's count stored."""
+"""Nanoseconds of counting (counting.cl): to prepare a record of a tile, to visit a strip of the tile for a record, and
+to store a pixel's count."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What things cost: a walk over a tile's records in times of counting's, else nanoseconds of all units together.
+    """What the parts of drawing cost. All but `walk` are nanoseconds, of all compute units together.
 
-    fragment: to keep, order and blend one; lit_visit, lit_fragment: more where colours vary over faces, of a strip that
-    is visited and of a fragment; pixel: to put one into the picture.
+    walk: a walk over a tile's records, as a multiple of what counting takes for it. fragment: to store, order and blend
+    a fragment. lit_visit, lit_fragment: what a visited strip and a fragment cost more if colours vary over faces.
+    pixel: to put a pixel into the picture.
     """
 
     walk: float
@@ -31,7 +32,7 @@ class Cost:
 
 
 ALL_OPAQUE_COST = Cost(2.36, 0.154, 0, 5.62, 0)
-"""Of scenes with nothing transparent, whatever the technique; fragments are then samples with a surface."""
+"""Of scenes with nothing transparent, whatever the technique is. A fragment is then a sample with a surface."""
 
 COSTS: dict[Variant, Cost] = {
     ("sort", ()): Cost(4.57, 1, 8.86, 1.86, 0.788),
@@ -47,4 +48,4 @@ COSTS: dict[Variant, Cost] = {
     ("weighted-average", ()): Cost(4.18, 0.758, 15, 1.08, 0.807),
     ("weighted-sum", ()): Cost(3.93, 0.764, 14.6, 0.863, 0.78),
 }
-"""By technique and those options that make it another (Technique.variant)."""
+"""The costs of each technique, with the options that make it a different variant (Technique.variant)."""

@@ -1,4 +1,4 @@
-"""Estimates: what drawing would take, from what was counted and the table of what things cost (costs.py)."""
+"""Estimates: how long drawing would take, from what was counted and from the table of costs (costs.py)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from clpeel.techniques import AnyTechnique
 
 @dataclass(frozen=True)
 class Work:
-    """How often the things are done that have a cost (costs.py); walk: nanoseconds that counting would take for it."""
+    """How often each part of drawing is done; the fields are those of Cost (costs.py).
+
+    walk: nanoseconds that counting would take for the same walks.
+    """
 
     walk: float
     fragment: float
@@ -26,7 +29,7 @@ class Work:
     pixel: float
 
     def nanoseconds(self, cost: Cost) -> float:
-        """What it takes where the costs were measured."""
+        """How long the work takes on the device where the costs were measured."""
         return (
             self.walk * cost.walk
             + self.fragment * cost.fragment
@@ -37,15 +40,18 @@ class Work:
 
 
 def counting_nanoseconds(records: NDArray[np.int64], visits: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Of a walk over so many records that visits so many strips, but for what counting stores of each pixel."""
+    """Nanoseconds that counting takes for a walk over so many records that visits so many strips.
+
+    What counting stores of each pixel is not included. records, visits: [n], of n tiles; so is the result.
+    """
     return costs.RECORD * records + costs.VISIT * visits
 
 
 def work_of(technique: AnyTechnique, tiles: TileCounts, shaded: bool, options: Options, seen: int = ALL_LAYERS) -> Work:
-    """What drawing takes: all of a tile's transparent records once in each pass that the tile needs.
+    """The work of drawing: each pass of a tile goes through all of the tile's transparent records.
 
-    A tile makes as many passes as its own deepest pixel needs, or `seen` layers, behind which nothing is peeled.
-    options: of the technique.
+    A tile needs the passes for the layers of its own deepest pixel, but no more than `seen` layers: what is behind is
+    skipped. shaded: whether colours vary over faces. options: the technique's.
     """
     totals, records, weights = tiles.totals, tiles.records, tiles.weights
     fragments, deepest, visits = totals["fragments"], totals["layers"], totals["visits"]
@@ -59,27 +65,27 @@ def work_of(technique: AnyTechnique, tiles: TileCounts, shaded: bool, options: O
         return Work(walk, drawn, 0.0, drawn * shaded, tiles.pixels)
     records = records - opaque_records
     if technique.stores_fragments:
-        seen = ALL_LAYERS  # it has them all before it can tell
+        seen = ALL_LAYERS  # it stores all fragments before it can skip any
     elif (peeled := technique.peeled(options)) is not None:
         seen = min(seen, sum(peeled))
     needed = np.minimum(deepest, seen)
     passes = np.maximum(technique.passes_for(needed, options), 1)
     walks = passes * counting_nanoseconds(records, visits) + counting_nanoseconds(opaque_records, opaque_visits)
     drawn = np.minimum(fragments, TILE_PIXELS * needed)
-    # What is lit is lit by strips, of which a triangle smaller than a pixel has as many as a larger one.
+    # Light is computed strip by strip. A triangle smaller than a pixel costs a whole strip, too, so strips count here.
     lit = float(weights @ (visits * drawn / np.maximum(fragments, 1))) if shaded else 0.0
     total = float(weights @ drawn)
     return Work(float(weights @ walks), total, lit, total * shaded, tiles.pixels)
 
 
 def cost_of(technique: AnyTechnique, options: Options, tiles: TileCounts) -> Cost | None:
-    """The row of the table; None where it has not been measured."""
+    """The technique's row of the table, or None if it was not measured."""
     all_opaque = tiles.features.surfaces == "opaque" and not technique.all_surfaces
     return costs.ALL_OPAQUE_COST if all_opaque else costs.COSTS.get(technique.variant(options))
 
 
 def scale_of(counted: Counted) -> float:
-    """How many times as long counting took as it does where the costs were measured."""
+    """How many times as long counting took here as it would on the device where the costs were measured."""
     tiles = counted.tiles
     visits = tiles.totals["visits"] + tiles.totals["opaque_visits"]
     expected = float(counting_nanoseconds(tiles.records, visits).sum())
@@ -87,7 +93,10 @@ def scale_of(counted: Counted) -> float:
 
 
 def estimated_seconds(technique: AnyTechnique, counted: Counted, shaded: bool, options: Options) -> float | None:
-    """Of the stages before, as measured, and of drawing by the table, scaled as counting was beside the table."""
+    """Seconds that a picture would take, or None if the technique's costs were not measured.
+
+    The seconds of the stages before drawing were measured. Those of drawing come from the table, scaled by scale_of.
+    """
     cost = cost_of(technique, options, counted.tiles)
     if cost is None:
         return None

@@ -17,7 +17,7 @@ Lighting = Literal["none", "headlight"]
 Opaque = Literal["first", "blend"]
 
 SAMPLES_A_SIDE = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
-"""Samples a pixel to samples a side. A side divides a tile's, so that a pixel's samples share a tile."""
+"""Samples of a pixel, and samples on its side. The side divides that of a tile, so a pixel's samples share a tile."""
 
 
 def _checked_size(name: str, value: object) -> object:
@@ -29,8 +29,8 @@ def _checked_background(name: str, value: object) -> object:
 
 
 def checked_layers(name: str, value: object) -> bool:
-    """The value as a bool, or InputError: a number is more likely meant as layers_per_pass."""
-    if type(value).__name__ not in ("bool", "bool_"):  # NumPy's bool is called one or the other
+    """The value as a bool. Raises InputError for a number: its author probably meant layers_per_pass."""
+    if type(value).__name__ not in ("bool", "bool_"):  # NumPy's bool has either name
         raise InputError(f"{name}: expected True or False, got {value!r}; layers in each pass are layers_per_pass")
     return bool(value)
 
@@ -40,7 +40,8 @@ class PictureOptions(Options):
     """The options of all pictures, whatever the technique.
 
     size: (width, height) in pixels. background: three numbers 0..1, text such as "white", or None for straight alpha.
-    memory: bytes that the scene and all buffers but the picture may take on the device; None for a share of it.
+    memory: bytes of the device's memory that the scene and all buffers except the picture may take, or text such as
+    "512M"; None for a share of the device's memory.
     """
 
     size: Size = option((1024, 1024), Kind(_checked_size, metavar="W,H"), help="width and height in pixels")
@@ -62,7 +63,7 @@ class PictureOptions(Options):
     depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
 
     def check_together(self) -> None:
-        """Raises InputError where so many samples make the picture too large, or layers are asked for with them."""
+        """Raises InputError if samples make the picture too large, or if layers are requested with several samples."""
         most = MAX_SIDE // self.side
         if max(self.size) > most:
             raise InputError(
@@ -73,12 +74,12 @@ class PictureOptions(Options):
 
     @property
     def side(self) -> int:
-        """Samples a side of a pixel."""
+        """Samples on a side of a pixel."""
         return SAMPLES_A_SIDE[self.samples]
 
     @property
     def over(self) -> Rgb | None:
-        """The background, as checked."""
+        """The background as three numbers 0..1, or None."""
         return checked_background(self.background)
 
     @property

@@ -1,4 +1,4 @@
-"""The renderer: it keeps a scene on a device, and makes pictures of requests."""
+"""The renderer: keeps a scene on a device, and makes pictures of requests."""
 
 from __future__ import annotations
 
@@ -47,7 +47,10 @@ _Method = TypeVar("_Method", bound=Callable[..., Result])
 
 
 def _in_turn(method: _Method) -> _Method:
-    """A Renderer's method that one thread runs at a time; its result has the notes of what was compiled meanwhile."""
+    """Decorates a method of Renderer so that one thread runs it at a time.
+
+    The notes that compiling left meanwhile (cache.py) go to the result's stats.
+    """
 
     @wraps(method)
     def taken_in_turn(self: Renderer, *arguments: Any, **options: Any) -> Result:
@@ -60,10 +63,13 @@ def _in_turn(method: _Method) -> _Method:
 
 
 class Renderer:
-    """Keeps a scene on a device and renders it from any camera; nothing is uploaded, built or allocated twice."""
+    """Keeps a scene on a device and renders it from any camera. Nothing is uploaded, built or allocated twice."""
 
     def __init__(self, scene: Scene, device: int | str | None = None, lanes: int | None = None):
-        """device: a number or part of a name (`clpeel devices`); lanes: work-items that share a tile (advanced)."""
+        """device: a number or part of a name (`clpeel devices`). lanes: work-items that share a tile (advanced).
+
+        Raises InputError if the scene is no Scene or the lanes are wrong, and NoDeviceError if no device fits.
+        """
         if not isinstance(scene, Scene):
             raise InputError(f"scene: expected a clpeel.Scene, got {type(scene).__name__}; see clpeel.load")
         self.scene = scene
@@ -75,12 +81,12 @@ class Renderer:
 
     @contextmanager
     def working(self) -> Iterator[None]:
-        """While something is made on the device: a renderer's buffers hold one picture at a time.
+        """Wraps work on the device. A renderer's buffers serve one picture at a time, so other threads wait.
 
-        Other threads wait for their turn. Raises DeviceError in a process forked from one that has used OpenCL, and
-        InputError in a thread that is within already, as a `progress` would be that renders.
+        Raises DeviceError in a process that was forked from one that has used OpenCL. Raises InputError if this thread
+        is already within: for example, if a `progress` function renders with the same Renderer.
         """
-        check_process()  # before the lock, which a thread may have held that a fork has left behind
+        check_process()  # before the lock: in a fork, it may belong to a thread that does not exist there
         if self._at_work == get_ident():
             raise InputError(
                 "render: expected no picture of this Renderer under way in this thread; make another Renderer"
@@ -110,10 +116,12 @@ class Renderer:
         camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
         `clpeel.techniques.TECHNIQUES`, or "auto". background: 3 numbers 0..1, text such as "white", or None for
         straight alpha. lighting: "none" (colours as given) or "headlight". progress: called with the share done (0..1)
-        and a text. options: those of all pictures, rendering.request.PictureOptions, and those that the technique has
-        besides (its `options`); editors know them by rendering/keywords.py.
-        Threads may share a Renderer: they take turns. Raises InputError on any option that cannot be, and DeviceError
-        in a process that was forked from one that has used OpenCL.
+        and a text. options: those of all pictures (rendering.options.PictureOptions) and those of the technique (its
+        `options`). Editors complete them from rendering/keywords.py.
+
+        Threads may share a Renderer: they take turns. Raises InputError if an option is wrong, if memory is too small
+        for one pixel's fragments, or if the scene has too many triangles. Raises DeviceError in a process that was
+        forked from one that has used OpenCL, or if there is no room to compile kernels in.
         """
         clock = Clock(self.gpu)
         given = {"size": size, "background": background, "lighting": lighting, **options}
@@ -138,11 +146,11 @@ class Renderer:
         stats = explained(stats, request, triangles, finished, choice)
         layers = self._layers(scene, request, budget, stats) if request.picture.layers else None
         request.report(1.0, "done")
-        rounding = blending_bound(stats.layers_max + 1, request.blending.precision)  # one more for what is opaque
+        rounding = blending_bound(stats.layers_max + 1, request.blending.precision)  # + 1 for an opaque layer
         return Result(finished.image, stats, finished.color, finished.maps, layers, rounding)
 
     def _on_device(self, request: Request) -> DeviceScene:
-        """The scene on the device, with normals where it is lit; uploaded when it is first asked for."""
+        """The scene on the device, with normals if it is lit. The first request for it uploads it."""
         request.report(0.0, "uploading")
         if request.lit not in self._uploaded:
             scene = with_normals(self.scene) if request.lit else self.scene
@@ -162,7 +170,7 @@ class Renderer:
         )
 
     def _picture(self, request: Request) -> Picture:
-        """A picture to draw in: one of the last two, if nobody holds its result any more, or a new one."""
+        """A picture to draw in. It is one of the last two, if nobody uses that one's arrays any more, or a new one."""
         wanted = request.picture.size, request.picture.keep_color, request.values
         self._pictures = [held for held in self._pictures if held.fits(*wanted)][-2:]
         for held in self._pictures:
@@ -172,7 +180,7 @@ class Renderer:
         return self._pictures[-1]
 
     def _layers(self, scene: DeviceScene, request: Request, budget: Budget, stats: Stats) -> Layers:
-        """The layers that the technique peels; their time is added to the stats."""
+        """The layers that the technique peels. Their time is added to the stats."""
         begun = time.perf_counter()
         front, back = request.technique.peeled(request.options) or (0, 0)
         peeled = Peeled(
@@ -205,27 +213,30 @@ def render(
     progress: Progress | None = None,
     **options: Unpack[Keywords],
 ) -> Result:
-    """Renders one picture; the options are those of `Renderer` and `Renderer.render`."""
+    """Renders one picture. The options and the errors are those of `Renderer` and `Renderer.render`."""
     renderer = Renderer(scene, device, lanes)
     return renderer.render(camera, size, technique, background, lighting, progress=progress, **options)
 
 
 def draw(frame: Frame, batch: Batch, request: Request) -> Drawn:
-    """Draws a batch: by the technique, but where nothing is transparent."""
+    """Draws a batch, by the technique or, if nothing is transparent, by Frame.opaque."""
     if frame.triangles.features.surfaces == "opaque":
         return frame.opaque(batch, request.blending.constants)
     return request.technique.draw(frame, batch, request.options)
 
 
 def finish(request: Request, picture: Picture, triangles: Triangles, choice: Choice | None) -> Finished:
-    """The picture when its technique has made maps of what was drawn, and the bound of what was skipped."""
+    """Lets the technique make its maps, and adds the bound of the error that skipping layers has made.
+
+    choice: what auto chose, or None.
+    """
     finished = request.technique.finish(picture, triangles, request.picture.over, request.options)
     if picture.values is None or request.technique.maps:
         return finished
     if triangles.features.surfaces == "opaque":
-        picture.values[...] = 0  # its one pass skips nothing
+        picture.values[...] = 0  # drawing opaque scenes skips nothing
     if choice is not None and not request.technique.exact:
-        picture.values[...] = choice.max_error  # its kernel finds no bound: the choice has seen to that before
+        picture.values[...] = choice.max_error  # its kernel finds no bound, but auto knew one when it chose
         return picture.finished({ERROR_BOUND: picture.values[..., 0]})
     hidden = picture.values[..., 0]
     stats: dict[str, object] = {
@@ -236,7 +247,7 @@ def finish(request: Request, picture: Picture, triangles: Triangles, choice: Cho
 
 
 def explained(stats: Stats, request: Request, triangles: Triangles, finished: Finished, choice: Choice | None) -> Stats:
-    """The stats with why the picture is blank, where it is, and what auto chose."""
+    """Adds to the stats a note that says why the picture is blank, if it is, and what auto chose."""
     covered = stats.fragments + stats.opaque_samples
     scene = triangles.scene.scene
     blank = why_blank(finished.image, request.picture.over, scene, request.camera, covered, triangles.discarded)
@@ -253,7 +264,10 @@ def explained(stats: Stats, request: Request, triangles: Triangles, finished: Fi
 
 
 def watcher(request: Request, tiles: Tiles) -> Callable[[Batch], AtTile] | None:
-    """What tells the request's progress as batches are drawn: the share done of all records in tiles."""
+    """The `watch` of a Canvas that reports progress to the request, or None if it has no `progress`.
+
+    It reports the share of all records in tiles that are drawn.
+    """
     report = request.progress
     if report is None:
         return None

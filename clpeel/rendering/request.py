@@ -1,4 +1,4 @@
-"""The request: what is asked for, checked in full before any work is done."""
+"""The request: a picture that is asked for. Everything in it is checked before any work is done."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ from clpeel.techniques import technique as technique_named
 from clpeel.techniques.precision import Blending
 
 Progress = Callable[[float, str], None]
-"""Called with the share of the work that is done, 0..1, and a text."""
+"""Called with the share of the work that is done, 0..1, and a text that says what is being done."""
 
 MAP_VALUES = 4
-"""Numbers that a technique which makes maps finds for each pixel: as many as a pixel's colour has (composite.h)."""
+"""How many numbers a technique that makes maps finds for each pixel: as many as a colour has (composite.h)."""
 
 AUTO_STANDS_FOR = "sort"
-"""What stands for auto until it has chosen: it has auto's options, and they mean the same."""
+"""The technique that stands for auto until auto has chosen. It has auto's option, with the same meaning."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """A picture that is asked for; nothing in it can be wrong any more.
+    """A picture that is asked for. All of it has been checked.
 
-    technique: for auto, the one that stands for it until one is chosen. options: the technique's own, or AutoOptions.
-    values: how many numbers are found for each pixel besides its colour, for maps or for the bound of an error.
+    picture: the options of all pictures. technique: for auto, AUTO_STANDS_FOR until one is chosen. options: the
+    technique's own, or AutoOptions. values: how many numbers are found for each pixel besides its colour, for maps or
+    for a bound of the error.
     """
 
     camera: Camera
@@ -50,9 +51,9 @@ class Request:
         given: Mapping[str, object],
         progress: Progress | None = None,
     ) -> Request:
-        """The request for these options of all pictures and of the technique. Raises InputError on any that is wrong.
+        """Checks the options and makes the request. Raises InputError if any is wrong.
 
-        camera: by default `Camera.frame(scene)`.
+        camera: by default `Camera.frame(scene)`. given: options of all pictures and of the technique, by name.
         """
         picture, options = checked_options(technique, given)
         if camera is None:
@@ -66,17 +67,17 @@ class Request:
         return cls(camera=camera, picture=picture, technique=chosen, options=options, values=values, progress=progress)
 
     def chosen(self, technique: AnyTechnique, options: Options) -> Request:
-        """The request with the technique that auto has chosen."""
+        """The same request with the technique that auto has chosen."""
         return replace(self, technique=technique, options=options)
 
     @property
     def is_auto(self) -> bool:
-        """Whether the technique has not been chosen yet."""
+        """Whether auto still has to choose the technique."""
         return isinstance(self.options, AutoOptions)
 
     @property
     def max_error(self) -> float | None:
-        """What skipped layers may change at most; None where none are skipped."""
+        """The most that skipped layers may change a channel, 0..1; None if none are skipped."""
         found: float | None = getattr(self.options, "max_error", None)
         return found
 
@@ -87,18 +88,18 @@ class Request:
 
     @property
     def sampled(self) -> Size:
-        """(width, height) in samples."""
+        """The picture's (width, height) in samples."""
         width, height = self.picture.size
         return width * self.picture.side, height * self.picture.side
 
     @property
     def lit(self) -> bool:
-        """Whether there is a light."""
+        """Whether there is a headlight."""
         return self.picture.lighting != "none"
 
     @property
     def opaque_first(self) -> bool:
-        """Whether opaque surfaces are drawn first, and nothing behind them."""
+        """Whether opaque surfaces are drawn first, so that nothing behind them is drawn."""
         return self.picture.opaque == "first" and not self.technique.all_surfaces
 
     @property
@@ -107,13 +108,13 @@ class Request:
         return getattr(self.options, "coincident", "keep") == "keep"
 
     def report(self, done: float, text: str) -> None:
-        """Says what share of the work is done, where anybody wants to know."""
+        """Calls `progress` with the share of the work that is done, 0..1, if there is a `progress`."""
         if self.progress is not None:
             self.progress(done, text)
 
 
 def checked_options(technique: str, given: Mapping[str, object]) -> tuple[PictureOptions, Options]:
-    """The options of all pictures and those of the technique. Raises InputError on any that is wrong."""
+    """The options of all pictures and those of the technique, checked. Raises InputError if any is wrong."""
     check_names(technique, given)
     common = {each.name for each in options_of(PictureOptions)}
     own = {name: value for name, value in given.items() if name not in common}
@@ -121,25 +122,25 @@ def checked_options(technique: str, given: Mapping[str, object]) -> tuple[Pictur
     options = options_class(technique)(**own)
     picture = PictureOptions(**shared)
     if picture.layers and technique != AUTO:
-        technique_named(technique).peeled(options)  # raises where layers may be lost
+        technique_named(technique).peeled(options)  # raises InputError if layers may be lost
     return picture, options
 
 
 def check_names(technique: str, given: Mapping[str, object]) -> None:
-    """InputError where the technique lacks one of these options, or there is no such technique."""
+    """Raises InputError if there is no such technique, or if it lacks one of these options."""
     has = option_names(technique)
     common = tuple(each.name for each in options_of(PictureOptions) if each.name != "layers")
     for name, value in sorted(given.items()):
         if name in has or name in common:
             continue
         if name == "layers" and not value and value is not None and checked_layers(name, value) is False:
-            continue  # asking for none is right with any technique
+            continue  # layers=False is right with any technique
         known = ", ".join(("camera", "technique", *common, "progress", *has))
         raise InputError(f"{name}: the technique {technique!r} has no such option; it has {known}")
 
 
 def check_picture_fits(size: Size, pixel_bytes: int) -> None:
-    """InputError where the host's memory cannot hold the picture."""
+    """Raises InputError if the host's memory cannot hold the picture. pixel_bytes: bytes of one pixel."""
     needed = size[0] * size[1] * pixel_bytes
     if hasattr(os, "sysconf") and needed > (held := os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")):
         raise InputError(
@@ -149,5 +150,5 @@ def check_picture_fits(size: Size, pixel_bytes: int) -> None:
 
 
 def all_options() -> tuple[type[Options], ...]:
-    """The classes of all options that `render` knows."""
+    """The classes that define all options that `render` knows."""
     return (PictureOptions, *dict.fromkeys(each.options for each in TECHNIQUES.values()), AutoOptions)

@@ -1,4 +1,4 @@
-"""The result: a picture, its maps, and what they took."""
+"""The result: a picture, its maps and layers, and the stats of making it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 class Stats(Mapping[str, Any]):
     """What a picture took, by attribute and by name: `stats.passes` is `stats["passes"]`.
 
-    `technique_stats` are under their own names: `stats["thickness_max"]`. What is None is not there by name.
+    By name, each of `technique_stats` has its own: `stats["thickness_max"]`. Names whose value is None are missing.
     """
 
     technique: str
@@ -40,13 +40,13 @@ class Stats(Mapping[str, Any]):
     passes: int
     """Geometry passes, as the papers count them."""
     passes_issued: int
-    """Geometry passes with the empty one that ends them."""
+    """Geometry passes, with the empty one that ends them."""
     samples_passed: list[int]
-    """Samples that passed, of each geometry pass."""
+    """How many samples passed in each geometry pass."""
     size: list[int]
     """Width and height in pixels."""
     samples: int
-    """Samples a pixel."""
+    """Samples of a pixel."""
     triangles: int
     """Triangles of the scene."""
     clipped: int
@@ -56,34 +56,34 @@ class Stats(Mapping[str, Any]):
     fragments: int
     """Fragments of transparent surfaces in front of opaque ones."""
     layers_max: int
-    """The most of these in one sample."""
+    """The most such fragments of one sample."""
     opaque_samples: int
     """Samples with an opaque surface."""
     truncated_pixels: int
-    """Samples with layers that no pass reached; pixels, where a pixel has one sample."""
+    """Samples with layers that no pass reached. With `max_error`: pixels in which layers were skipped."""
     truncation_bound: float
-    """What those layers could have changed in any channel at most, of 1."""
+    """The most that such layers could have changed any channel, 0..1."""
     clamped_pixels: int
-    """Pixels whose alphas add up to more than 1, or whose value lies outside the colours."""
+    """Pixels whose alphas add up to more than 1, or whose value lies outside the range of a map's colours."""
     batches: int
-    """Parts that the picture was drawn in."""
+    """How many parts the picture was drawn in."""
     seconds: dict[str, float]
     """Seconds of each stage by the device's clock, of the host, and in total."""
     seconds_per_pass: list[float]
-    """Seconds of each geometry pass; equal shares where the device cannot tell them apart."""
+    """Seconds of each geometry pass. They are equal shares if the device's kernels have no clock."""
     kernel_seconds: dict[str, float]
     """Seconds of each kernel by the device's clock."""
     bytes: dict[str, int]
     """Bytes of each buffer on the device, and of the scene."""
     bytes_per_pixel: float
-    """All of these bytes, for each pixel."""
+    """The sum of `bytes`, divided by the number of pixels."""
     buffer_bytes_per_pixel: int
-    """Bytes that the technique keeps of a sample."""
+    """Bytes that the technique stores for a sample."""
     device: str
     lanes: int
     """Work-items that share a tile."""
     notes: list[str]
-    """What the picture lacks, and why, a line each."""
+    """What the picture lacks, and why. Each is one line."""
     technique_stats: dict[str, object] = field(default_factory=dict)
     auto: dict[str, object] | None = None
     """What auto chose: max_error, explanation, alternatives."""
@@ -103,7 +103,7 @@ class Stats(Mapping[str, Any]):
 
 
 class Clock:
-    """Seconds of a picture, from its request on."""
+    """Measures the seconds of a picture, from its request on."""
 
     def __init__(self, gpu: Workspace) -> None:
         self.gpu = gpu
@@ -111,9 +111,10 @@ class Clock:
         gpu.events.clear()
 
     def stop(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Seconds of each stage and of each kernel by the device's clock; waits for the device.
+        """Seconds of each stage and of each kernel, by the device's clock. Waits for the device.
 
-        "host" is what no kernel took: compiling them the first time, the scene's upload, the host's own work, waiting.
+        The stages include "total" and "host". "host" is the time that no kernel took: compiling kernels the first time,
+        uploading the scene, the host's own work, and waiting.
         """
         stages, kernels = device_seconds(self.gpu)
         total = time.perf_counter() - self.started
@@ -126,9 +127,8 @@ class Clock:
 class Result:
     """A picture and what it took.
 
-    image: uint8 [height, width, 4], row 0 on top: over the background, or straight alpha where there is none.
-    stats: what it took, see Stats. maps: by name, of techniques that make them, each also an attribute:
-    `result.thickness`.
+    image: uint8 [height, width, 4], row 0 on top; over the background, or straight alpha if there is none. stats: see
+    Stats. maps: by name, of techniques that make some. Each map is also an attribute: `result.thickness`.
     """
 
     image: NDArray[np.uint8]
@@ -142,37 +142,47 @@ class Result:
 
         @property
         def thickness(self) -> Lengths:
-            """[height, width], scene units unless `projected`: the mean of a pixel's samples, 0 for empty ones.
+            """[height, width], in scene units, or window depths with `projected`.
 
-            float32, or float64 where a scene is so large or small that float32 cannot hold them.
+            It is the mean over a pixel's samples, where empty ones count as 0. The dtype is float32, or float64 if a
+            scene is so large or small that float32 cannot hold its lengths.
             """
 
         @property
         def unpaired(self) -> NDArray[np.bool_]:
-            """[height, width], where crossings do not pair up: the mesh is open there, or cut by a clipping plane."""
+            """bool [height, width], where a ray's entries and exits do not pair up.
+
+            The mesh is open there, or cut by a clipping plane.
+            """
 
     def __getattr__(self, name: str) -> Map:
-        """The map of that name. Raises InputError where another technique makes it."""
+        """The map of that name. Raises InputError if only other techniques make it."""
         if any(name in technique.maps for technique in TECHNIQUES.values()):
             return self.map(name)
         raise AttributeError(f"'Result' object has no attribute {name!r}")
 
     @property
     def layers(self) -> Layers:
-        """The layers that the technique peels of every pixel, front to back."""
+        """The layers that the technique peels of every pixel, front to back.
+
+        Raises InputError if the result was rendered without layers=True.
+        """
         if self._layers is None:
             raise InputError("layers: expected a result rendered with layers=True, got layers=False")
         return self._layers
 
     @property
     def color(self) -> NDArray[np.float32]:
-        """float32 [height, width, 4], premultiplied, before the background."""
+        """float32 [height, width, 4], premultiplied, without the background.
+
+        Raises InputError if the result was rendered with keep_color=False.
+        """
         if self._color is None:
             raise InputError("color: expected a result rendered with keep_color=True, got keep_color=False")
         return self._color
 
     def map(self, name: str) -> Map:
-        """The map of that name, [height, width]. Raises InputError where the technique makes none."""
+        """The map of that name, [height, width]. Raises InputError if the technique does not make it."""
         if name == ERROR_BOUND:
             return self.error_bound
         if name not in self.maps:
@@ -184,11 +194,12 @@ class Result:
 
     @property
     def error_bound(self) -> NDArray[np.float32]:
-        """float32 [height, width], with `max_error`: how far a channel of `color`, or over any background, may be off.
+        """float32 [height, width]: how far a channel may be off, 0..1, in `color` or over any background.
 
-        What was skipped cannot change a channel by more than the transmittance in front of it: the mean over a pixel's
-        samples, 0 where nothing was. Rounding adds what techniques.precision.blending_bound says of the most layers
-        of a sample, with an opaque one: 3 N + 4 roundings of 2^-24, and more where `precision` is coarser.
+        Only results rendered with `max_error` have it; others raise InputError. Skipped layers cannot change a channel
+        by more than the transmittance in front of them: the mean over a pixel's samples, 0 where none were skipped.
+        Rounding adds blending_bound (techniques.precision) of N layers, N being those of the deepest sample and an
+        opaque one: 3 N + 4 roundings of 2^-24, and more if `precision` is coarser.
         """
         if ERROR_BOUND not in self.maps:
             having = with_map(ERROR_BOUND)
@@ -199,15 +210,15 @@ class Result:
         return np.minimum(self.maps[ERROR_BOUND] + np.float32(self._rounding), np.float32(1))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the image as a PNG, whole or not at all; through a link, if path is one.
+        """Writes the image as a PNG, whole or not at all. If path is a link, the file it points to is written.
 
-        Raises InputError when the place cannot be written, or its name ends in what is not .png.
+        Raises InputError when the place cannot be written, or when the name has an ending other than .png.
         """
         save_png(path, self.image)
 
 
 CHANGED = ("truncated_pixels", "truncation_bound", "clamped_pixels")
-"""Stats that a technique may know better than the batches do."""
+"""Stats that a technique may set by itself (Finished.stats), in place of what the batches found."""
 
 
 def stats_of(
@@ -219,7 +230,7 @@ def stats_of(
     picture: Picture,
     clock: Clock,
 ) -> Stats:
-    """What the picture took, so far: of all batches together. Stops the clock."""
+    """The stats of a picture, for all its batches together. Stops the clock."""
     seconds, kernel_seconds = clock.stop()
     technique, gpu = request.technique, clock.gpu
     layers_max = max(part.layers_max for part in drawn)
@@ -264,7 +275,10 @@ def stats_of(
 
 
 def sums(parts: Iterable[tuple[tuple[tuple[int, int], ...], tuple[int, ...]]]) -> list[int]:
-    """Sums of the parts' numbers, key by key, in the order of the keys: a part may lack some."""
+    """Adds up the parts' numbers key by key, and returns the sums in the order of the keys.
+
+    parts: for each part its keys and its numbers. A part may lack some keys.
+    """
     found: Counter[tuple[int, int]] = Counter()
     for keys, numbers in parts:
         for key, number in zip(keys, numbers, strict=True):
@@ -273,7 +287,10 @@ def sums(parts: Iterable[tuple[tuple[tuple[int, int], ...], tuple[int, ...]]]) -
 
 
 def seconds_per_pass(seconds: float, found: Sequence[Drawn]) -> list[float]:
-    """What each geometry pass took of the technique's seconds; the rest is composition, and opaque surfaces."""
+    """The seconds of each geometry pass, out of the technique's seconds.
+
+    The rest of them is composition, and drawing opaque surfaces. Without ticks, all passes get equal shares.
+    """
     issued = len({key for drawn in found for key in drawn.keys})
     ticks = sum(drawn.ticks for drawn in found)
     if ticks == 0 or issued == 0:
