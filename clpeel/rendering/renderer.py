@@ -219,7 +219,7 @@ def render(
 
 
 def draw(frame: Frame, batch: Batch, request: Request) -> Drawn:
-    """Draws a batch, by the technique or, if nothing is transparent, by Frame.opaque."""
+    """Draws a batch by the technique, or by Frame.opaque if all surfaces are opaque and are drawn first."""
     if frame.triangles.features.surfaces == "opaque":
         return frame.opaque(batch, request.blending.constants)
     return request.technique.draw(frame, batch, request.options)

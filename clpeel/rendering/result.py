@@ -60,7 +60,7 @@ class Stats(Mapping[str, Any]):
     opaque_samples: int
     """Samples with an opaque surface."""
     truncated_pixels: int
-    """Samples with layers that no pass reached. With `max_error`: pixels in which layers were skipped."""
+    """Samples with layers that no pass reached. With `max_error` or auto: pixels in which layers were skipped."""
     truncation_bound: float
     """The most that such layers could have changed any channel, 0..1."""
     clamped_pixels: int
@@ -196,10 +196,10 @@ class Result:
     def error_bound(self) -> NDArray[np.float32]:
         """float32 [height, width]: how far a channel may be off, 0..1, in `color` or over any background.
 
-        Only results rendered with `max_error` have it; others raise InputError. Skipped layers cannot change a channel
-        by more than the transmittance in front of them: the mean over a pixel's samples, 0 where none were skipped.
-        Rounding adds blending_bound (techniques.precision) of N layers, N being those of the deepest sample and an
-        opaque one: 3 N + 4 roundings of 2^-24, and more if `precision` is coarser.
+        Only results rendered with `max_error` or by auto have it; others raise InputError. Skipped layers cannot change
+        a channel by more than the transmittance in front of them: the mean over a pixel's samples, 0 where none were
+        skipped. Rounding adds blending_bound (techniques.precision) of N layers, which are those of the deepest sample
+        and one for an opaque surface: 3 N + 4 roundings of 2^-24, and more if `precision` is coarser.
         """
         if ERROR_BOUND not in self.maps:
             having = with_map(ERROR_BOUND)

@@ -1,4 +1,4 @@
-"""The techniques: one module each, and the one registry that every menu, test and table goes through."""
+"""The techniques: a module for each, and the one registry that all menus, tests and tables use."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from clpeel.techniques.weighted_average import WeightedAverage
 from clpeel.techniques.weighted_sum import WeightedSum
 
 AnyTechnique = Technique[Any]
-"""A technique of the registry: which options it takes is known by its own `options` alone."""
+"""A technique of the registry. Its type does not say which options it takes; its attribute `options` does."""
 
 TECHNIQUES: dict[str, AnyTechnique] = {
     each.name: each
@@ -38,7 +38,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
 }
 
 AUTO = "auto"
-"""In place of a technique's name: the one of TECHNIQUES that the picture needs (rendering/auto.py)."""
+"""In place of a technique's name: rendering/auto.py chooses the one of TECHNIQUES that the picture needs."""
 
 AUTO_SUMMARY = "the technique and the layers a pass that draw this picture fastest, within --max-error and --memory"
 
@@ -48,37 +48,43 @@ ERROR_BOUND = "error_bound"
 
 @dataclass(frozen=True, kw_only=True)
 class AutoOptions(Options):
-    """What `auto` is told: all that it may choose keep to it."""
+    """The options of `auto`. It chooses only among techniques that keep to them."""
 
     max_error: float | None = option(None, SHARE, help="skip layers that cannot change a channel by more; 0 is exact")
 
 
 def technique(name: str) -> AnyTechnique:
-    """The technique of that name. Raises InputError, which lists those there are."""
+    """The technique of that name. Raises InputError if there is none, with a list of all names."""
     if name not in TECHNIQUES:
         raise InputError(f"technique: expected one of {', '.join((*TECHNIQUES, AUTO))}; got {name!r}")
     return TECHNIQUES[name]
 
 
 def options_class(name: str) -> type[Options]:
-    """The options that the technique of that name, or AUTO, has besides those of all pictures, or InputError."""
+    """The class of the options that a technique (or AUTO) has besides those of all pictures.
+
+    Raises InputError if there is no such technique.
+    """
     return AutoOptions if name == AUTO else technique(name).options
 
 
 def option_names(name: str) -> tuple[str, ...]:
-    """The names of these, and `layers` where the technique knows a pixel's layers, or InputError."""
+    """The names of the options of options_class, and `layers` if the technique knows the order of a pixel's layers.
+
+    Raises InputError if there is no such technique.
+    """
     if name == AUTO:
         return (*(each.name for each in options_of(AutoOptions)), "layers")
     return technique(name).option_names
 
 
 def takes_max_error(options: type[Options]) -> bool:
-    """Whether a technique with these options can skip what changes nothing by more than an error."""
+    """Whether a technique with these options can skip layers that change nothing by more than a given error."""
     return issubclass(options, Bounded | AutoOptions)
 
 
 def with_map(name: str) -> list[str]:
-    """The techniques that make the map of that name, always or when they are told how much they may leave out."""
+    """The names of the techniques that make the map of that name, always or when max_error is given."""
     return [
         made.name
         for made in TECHNIQUES.values()

@@ -1,4 +1,4 @@
-"""depth-peeling: the nearest layer beyond the one before, pass by pass (techniques/depth-peeling.cl).
+"""depth-peeling: each pass finds the nearest layer behind the one before (techniques/depth-peeling.cl).
 
 Everitt 2001; Bavoil and Myers 2008, "Depth Peeling": N layers take N geometry passes.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class DepthPeeling(Technique[Peeling]):
-    """Multi-layer peeling of one layer a pass."""
+    """Peels one layer a pass, front to back."""
 
     name = "depth-peeling"
     summary = "exact: peels the nearest layer in each geometry pass; N layers take N passes"
@@ -28,15 +28,15 @@ class DepthPeeling(Technique[Peeling]):
     paper_precision = "unorm8"
 
     def passes_for(self, layers: Count, options: Peeling) -> Count:
-        """N (Everitt 2001)."""
+        """N passes for N layers (Everitt 2001)."""
         return layers
 
     def buffer_bytes(self, layers: int, options: Peeling) -> int:
-        """z_near, the slot of the layer, whether there is more, and the colour."""
+        """z_near, the slot of the layer, whether there are more layers, and the colour."""
         return 2 * FRAGMENT_BYTES + 4 + options.color_bytes
 
     def peeled(self, options: Peeling) -> tuple[int, int]:
-        """One layer a pass, from the front."""
+        """One layer a pass from the front, and none from the back."""
         return ALL_LAYERS if options.passes is None else options.passes, 0
 
     def draw(self, frame: Frame, batch: Batch, options: Peeling) -> Drawn:

@@ -1,4 +1,4 @@
-"""dual-depth-peeling: the nearest and the farthest layer in each pass (techniques/dual-depth-peeling.cl).
+"""dual-depth-peeling: each pass peels the nearest and the farthest layer (techniques/dual-depth-peeling.cl).
 
 Bavoil and Myers 2008, "Dual Depth Peeling": N layers take N / 2 + 1 geometry passes, (N + 1) / 2 + 1 where N is odd.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class DualDepthPeeling(Technique[Peeling]):
-    """A min-max depth buffer peels from both ends at once."""
+    """Peels from both ends at once, with a min-max depth buffer."""
 
     name = "dual-depth-peeling"
     summary = "exact: peels the nearest and the farthest layer in each geometry pass; N layers take N / 2 + 1 passes"
@@ -29,15 +29,15 @@ class DualDepthPeeling(Technique[Peeling]):
     paper_precision = "unorm8"
 
     def passes_for(self, layers: Count, options: Peeling) -> Count:
-        """N / 2 + 1, (N + 1) / 2 + 1 where N is odd (Bavoil and Myers 2008)."""
+        """N / 2 + 1 passes for N layers, and (N + 1) / 2 + 1 where N is odd (Bavoil and Myers 2008)."""
         return (layers + 1) // 2 + self.least_passes
 
     def buffer_bytes(self, layers: int, options: Peeling) -> int:
-        """Two min-max depth buffers, a front and a back colour; see Buffers in the kernel file."""
+        """Two min-max depth buffers, a front colour and a back colour. See Buffers in the kernel file."""
         return 4 * FRAGMENT_BYTES + 2 * options.color_bytes
 
     def peeled(self, options: Peeling) -> tuple[int, int]:
-        """One layer a peel from the front, and one from the back."""
+        """One layer a peel from the front and one from the back; all layers if `passes` does not limit the peels."""
         return (ALL_LAYERS, 0) if options.passes is None else (options.passes, options.passes)
 
     def draw(self, frame: Frame, batch: Batch, options: Peeling) -> Drawn:

@@ -1,7 +1,7 @@
-"""glowscript: opaque surfaces, then at most four peels in front of them (techniques/glowscript.cl).
+"""glowscript: draws opaque surfaces, then at most four peels in front of them (techniques/glowscript.cl).
 
-"Details about handling transparency with depth peeling" (GlowScript): there is no occlusion query, as reading it back
-costs more than the passes it saves. So the number of passes is fixed.
+"Details about handling transparency with depth peeling" (GlowScript). There is no occlusion query, because reading its
+result costs more than the passes that it saves. So the number of passes is fixed.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ MOST_PEELS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class GlowscriptOptions(Blending):
-    """Peeling's, without those that end the passes."""
+    """The options of Peeling, with a fixed number of passes: without occlusion_query and max_error."""
 
     passes: int = option(MOST_PEELS, count(MOST_PEELS), help="peel so many times and stop, where the technique peels")
     coincident: CoincidentName = option("keep", help="of equal depths keep all fragments, or the first alone")
 
 
 class Glowscript(Technique[GlowscriptOptions]):
-    """The peels of the browser's renderer."""
+    """Peels as GlowScript's renderer does in browsers."""
 
     name = "glowscript"
     summary = "the four foremost layers, or as many as --passes, in front of opaque surfaces; what is behind is skipped"
@@ -41,15 +41,15 @@ class Glowscript(Technique[GlowscriptOptions]):
     paper_precision = "unorm8"
 
     def passes_for(self, layers: Count, options: GlowscriptOptions) -> Count:
-        """As many as `passes`: nothing shows it that fewer would do."""
+        """Always `passes`: without an occlusion query it cannot know that fewer would do."""
         return layers * 0 + options.passes
 
     def buffer_bytes(self, layers: int, options: GlowscriptOptions) -> int:
-        """z_near, slot, whether there is more, and the peels' colours; see Buffers in the kernel file."""
+        """z_near, the slot, whether there are more layers, and the peels' colours. See Buffers in the kernel file."""
         return 2 * FRAGMENT_BYTES + 4 + MOST_PEELS * options.color_bytes
 
     def peeled(self, options: GlowscriptOptions) -> tuple[int, int]:
-        """One layer a peel, from the front."""
+        """One layer a peel from the front, and none from the back."""
         return options.passes, 0
 
     def draw(self, frame: Frame, batch: Batch, options: GlowscriptOptions) -> Drawn:

@@ -1,4 +1,4 @@
-"""Maps: what techniques have in common that measure something of every pixel and show it in colours with a scale."""
+"""Maps: for techniques that measure something in every pixel, and show it in colours with a scale bar."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from clpeel.stages.composite import Picture
 
 STRIP_PIXELS = 1 << 20
-"""Pixels that are coloured at once, which bounds what that takes besides the picture."""
+"""How many pixels are coloured at once. This bounds the memory that colouring takes besides the picture."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +32,13 @@ def paint(
     covered: NDArray[np.float32],
     unpaired: NDArray[np.float32] | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None]:
-    """A map in colours over the background: the image and the premultiplied colour of a `Result`.
+    """Draws a map in colours over the background.
 
-    shown: [height, width], 0..1 along the colour map. covered: [height, width], the share of a pixel that is not
-    background. unpaired: [height, width], the share of it that has the colour OUTSIDE, which is not in the map.
+    shown: [height, width], 0..1 along the colour map. covered: float32 [height, width], the share of a pixel that is
+    not background. unpaired: float32 [height, width], the share of a pixel that gets the colour OUTSIDE, which is not
+    in the colour map. background: three numbers 0..1, or None for straight alpha. Returns the image, uint8 [height,
+    width, 4], and the premultiplied colour without the background, float32 [height, width, 4], or None if the picture
+    keeps none.
     """
     import numpy as np
 

@@ -1,6 +1,6 @@
-"""multi-layer-peeling: several layers in each pass, by insertion sort (techniques/multi-layer-peeling.cl).
+"""multi-layer-peeling: each pass peels several layers, by insertion sort (techniques/multi-layer-peeling.cl).
 
-Liu, Wei and Xu 2006, "Multi-layer depth peeling via fragment sort": M layers a pass, so that N layers take N / M
+Liu, Wei and Xu 2006, "Multi-layer depth peeling via fragment sort": a pass peels M layers, so N layers take N / M
 passes, rounded up.
 """
 
@@ -27,14 +27,15 @@ HazardOrder = Literal["nearest-last", "arrival"]
 HAZARD_ORDERS: tuple[HazardOrder, ...] = get_args(HazardOrder)
 
 TORN_WINDOW = 2
-"""Fragments in flight at once where writes are torn, by default: the two of the paper's Figure 2."""
+"""The default hazard_window with torn_writes: two fragments write at once, as in the paper's Figure 2."""
 
 
 def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int = 4, depth_bytes: int = 4) -> int:
-    """M of the paper's equation 1: the buckets that so many render targets of so many bytes a pixel hold.
+    """M of the paper's equation 1: how many layers (buckets) so many render targets hold.
 
-    M = Mrt Bm / (Bc + Bd): 4 targets of 4 x FP32 hold 8 buckets of RGBA8 and FP32 depth, or 16 of depth alone
-    (color_bytes=0). Raises InputError where not one fits.
+    M = Mrt Bm / (Bc + Bd). targets: Mrt. target_bytes: Bm, bytes of a pixel in one target. color_bytes, depth_bytes: Bc
+    and Bd, bytes of a bucket. 4 targets of 4 x FP32 hold 8 buckets of RGBA8 and FP32 depth, or 16 of depth alone
+    (color_bytes=0). Raises InputError if not even one bucket fits.
     """
     bucket = color_bytes + depth_bytes
     layers = targets * target_bytes // bucket if bucket > 0 else 0
@@ -48,10 +49,12 @@ def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int =
 
 @dataclass(frozen=True, kw_only=True)
 class MultiLayerOptions(Peeling):
-    """Peeling's, and those of the pass.
+    """The options of Peeling, and those of a pass of several layers.
 
-    hazard_order: in which order the writes of a wave land: "nearest-last", which keeps the paper's bound of M passes,
-    or as fragments arrive.
+    hazard_window: how many fragments of a pixel write at once (a wave); None for atomic writes, or TORN_WINDOW with
+    torn_writes. hazard_order: the order in which the writes of a wave land. "nearest-last" keeps the paper's bound of M
+    passes; with "arrival" they land as the fragments arrive. torn_writes: of two writes that meet, each commits half of
+    its targets.
     """
 
     layers_per_pass: int = option(
@@ -68,11 +71,14 @@ class MultiLayerOptions(Peeling):
 
     @property
     def simulates_hazards(self) -> bool:
-        """Whether writes are concurrent, so that a pass may have to be repeated."""
+        """Whether writes are concurrent. A pass may then have to be repeated."""
         return self.hazard_window is not None or self.torn_writes
 
     def check_together(self) -> None:
-        """Raises InputError where an option would end the passes of a simulation, which end when nothing is written."""
+        """Raises InputError if an option would end the passes of a simulation: they end when nothing is written.
+
+        Also raises the errors of Peeling.
+        """
         if self.simulates_hazards:
             given = dict(self.given())
             for name in sorted(given.keys() & {"passes", "occlusion_query", "max_error"}):
@@ -93,28 +99,34 @@ class MultiLayerPeeling(Technique[MultiLayerOptions]):
     paper_precision = "unorm8"
 
     def passes_for(self, layers: Count, options: MultiLayerOptions) -> Count:
-        """N / M, rounded up (Liu, Wei and Xu 2006)."""
+        """N / M passes for N layers, rounded up (Liu, Wei and Xu 2006)."""
         return -(-layers // options.layers_per_pass)
 
     def buffer_bytes(self, layers: int, options: MultiLayerOptions) -> int:
-        """z_near, a slot for each layer of a pass, whether there is more, the colour; see Buffers in the kernel."""
+        """z_near, a slot for each layer of a pass, whether there are more layers, and the colour.
+
+        See Buffers in the kernel file.
+        """
         return FRAGMENT_BYTES * (1 + options.layers_per_pass) + 4 + options.color_bytes
 
     def peeled(self, options: MultiLayerOptions) -> tuple[int, int]:
-        """So many layers a pass, from the front. Raises InputError with torn_writes, which may lose some."""
+        """`layers_per_pass` layers a pass from the front, and none from the back.
+
+        Raises InputError with torn_writes, as these may lose layers.
+        """
         if options.torn_writes:
             raise InputError("layers: expected no torn_writes, with which layers may be lost; got both")
         return ALL_LAYERS if options.passes is None else options.passes * options.layers_per_pass, 0
 
     def variants(self) -> tuple[MultiLayerOptions, ...]:
-        """More than 16 layers a pass do not stay in a processor's registers."""
+        """The default number of layers a pass, 2, 4 and 16. More than 16 do not stay in a processor's registers."""
         return tuple(MultiLayerOptions(layers_per_pass=layers) for layers in (layers_per_pass(), 2, 4, 16))
 
     def draw(self, frame: Frame, batch: Batch, options: MultiLayerOptions) -> Drawn:
         """Peels until nothing is left, or `passes` times.
 
-        With hazard_window so many fragments of a pixel are written at once, where the last write wins; with torn_writes
-        each of two that meet commits half of its targets. Raises InputError where the inner loop of the paper's Table 1
+        With hazard_window, so many fragments of a pixel write at once, and the last write wins. With torn_writes, each
+        of two writes that meet commits half of its targets. Raises InputError if the inner loop of the paper's Table 1
         then has no end.
         """
         constants = {"LAYERS_A_PASS": options.layers_per_pass}

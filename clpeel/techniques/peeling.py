@@ -1,4 +1,4 @@
-"""Peeling: what all techniques have in common that go over the geometry until nothing is left to peel."""
+"""Peeling: for techniques that go over the geometry until nothing is left to peel."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ MAX_PASSES = 1 << 20
 class Peeling(Bounded):
     """The options of all techniques that peel.
 
-    coincident: of fragments of equal depth "keep" keeps all, in the order of submission, and "paper" the first alone,
-    as the papers do.
+    coincident: "keep" keeps all fragments of equal depth, in the order of submission. "paper" keeps only the first, as
+    the papers do.
     """
 
     passes: int | None = option(None, count(MAX_PASSES), help="peel so many times and stop, where the technique peels")
@@ -27,7 +27,7 @@ class Peeling(Bounded):
     coincident: CoincidentName = option("keep", help="of equal depths keep all fragments, or the first alone")
 
     def check_together(self) -> None:
-        """Raises InputError where nothing would end the passes."""
+        """Raises InputError if nothing would end the passes."""
         if self.passes is None and not self.occlusion_query:
             raise InputError(
                 "occlusion_query: expected passes=N with it off, as nothing else ends the passes; got no passes"

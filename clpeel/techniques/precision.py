@@ -1,4 +1,4 @@
-"""Precision: how many bytes the buffers that colours are blended into have, and what that rounds off (blending.h)."""
+"""Precision: how many bytes the buffers for blended colours have, and how much that rounds off (blending.h)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ DEFAULT_PRECISION: PrecisionName = "float32"
 
 @dataclass(frozen=True)
 class Precision:
-    """How a buffer keeps a channel.
+    """How a buffer stores a channel.
 
-    channel_bytes: of one channel. rounding: how far off the kept value is from a float32 at most, of 0..1.
+    channel_bytes: bytes of one channel. rounding: how far the stored value is from the float32 value at most, in 0..1.
     """
 
     channel_bytes: int
@@ -33,7 +33,7 @@ PRECISIONS: dict[str, Precision] = {
     "half": Precision(2, 2.0**-12),
     "unorm8": Precision(1, 0.5 / 255),
 }
-"""In the order of the kernels' numbers. The papers have unorm8 (RGBA8) where layers are blended, and half for sums."""
+"""In the order of the kernels' numbers. The papers use unorm8 (RGBA8) for blended layers, and half for sums."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,23 +51,24 @@ class Blending(Options):
 
     @property
     def constants(self) -> dict[str, int]:
-        """The constant of a kernel that blends into buffers of this precision; none for float32, the kernels' own."""
+        """The constant of a kernel that blends into buffers of this precision; none for float32, the default."""
         number = list(PRECISIONS).index(self.precision)
         return {"PRECISION": number} if number else {}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bounded(Blending):
-    """The options of techniques that blend layers in order, and so know what the next ones could still change."""
+    """The options of techniques that blend layers in order. They know how much the next layers could still change."""
 
     max_error: float | None = option(None, SHARE, help="skip layers that cannot change a channel by more; 0 is exact")
 
 
 def blending_bound(layers: int, precision: str = DEFAULT_PRECISION) -> float:
-    """How far off a channel may be, over any background, after so many layers, by rounding alone.
+    """How far off a channel may be after N layers, over any background, through rounding alone, in 0..1.
 
-    float32: 3 N + 4 roundings of 2^-24, of the layers' own products and sums, and of the merge. Coarser buffers round
-    the colour and the transmittance of each blend: the errors e of one and f of the other, together over a background
-    e + f, grow by two roundings a layer at most, as e' <= (1 - a) e + u and f' <= f + a e + u.
+    float32 has 3 N + 4 roundings of 2^-24: of the layers' own products and sums, and of the merge. Coarser buffers
+    also round the colour and the transmittance of each blend, by u at most. Let e be the error of one and f that of the
+    other; over a background they add up to e + f. As e' <= (1 - a) e + u and f' <= f + a e + u for a layer of alpha a,
+    the sum grows by 2 u a layer at most.
     """
     return (3 * layers + 4) * 2.0**-24 + 2 * layers * PRECISIONS[precision].rounding

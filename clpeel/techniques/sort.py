@@ -1,4 +1,4 @@
-"""sort: all fragments of a pixel, ordered by (depth, submission) and blended front to back (techniques/sort.cl)."""
+"""sort: sorts all fragments of a pixel by (depth, submission), and blends them front to back (techniques/sort.cl)."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class Sort(Technique[Bounded]):
     exact = True
     least_passes = 1
     stores_fragments = True
-    scratch_bytes = FRAGMENT_BYTES  # room to sort long lists in, taken only where a pixel has more than RUN_MAX
+    scratch_bytes = FRAGMENT_BYTES  # to sort long lists in: needed only where a pixel has more than RUN_MAX
 
     def buffer_bytes(self, layers: int, options: Bounded) -> int:
-        """All fragments of a sample."""
+        """All fragments of a sample, which it stores at once."""
         return FRAGMENT_BYTES * layers
 
     def peeled(self, options: Bounded) -> tuple[int, int]:
-        """All layers, from the front."""
+        """All layers from the front, and none from the back."""
         return ALL_LAYERS, 0
 
     def draw(self, frame: Frame, batch: Batch, options: Bounded) -> Drawn:

@@ -1,4 +1,4 @@
-"""What a technique is: how layers are found and blended, described; the stages do the work."""
+"""What a technique is: a description of how layers are found and blended. The stages do the work."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ Count = TypeVar("Count", int, "NDArray[np.int64]")
 """A number of layers, or an array of them."""
 
 Variant = tuple[str, tuple[tuple[str, object], ...]]
-"""A technique's name, and of the options that make it another the names and values: a key of what was measured."""
+"""A technique's name, and the (name, value) pairs of the options that make it differ: a key of the measured costs."""
 
 
 class Technique(Generic[O]):
-    """A technique describes itself by these names; a subclass says what differs from the defaults here.
+    """A technique describes itself by the attributes and methods here. A subclass says what differs from the defaults.
 
-    name: the user's word for it. summary: one line. kernel: its file, below kernels/. options: the class of those
-    options of `render` that it has besides those of all pictures.
+    name: the user's word for it. summary: one line. kernel: its file, below kernels/. options: the class of the options
+    of `render` that it has besides those of all pictures.
     """
 
     name: ClassVar[str]
@@ -43,44 +43,45 @@ class Technique(Generic[O]):
     """Whether it blends every layer in order."""
 
     least_passes: ClassVar[int] = 0
-    """Geometry passes of any picture, as the papers count them; those that peel need more for more layers."""
+    """Geometry passes that any picture takes, as the papers count them. Peeling more layers takes more passes."""
 
     paper_precision: ClassVar[PrecisionName] = DEFAULT_PRECISION
-    """Of its colour buffers in the paper."""
+    """The precision of its colour buffers in the paper."""
 
     maps: ClassVar[tuple[str, ...]] = ()
-    """What `finish` makes besides the picture, as names of `Result`; `--map` writes the first."""
+    """Names of the maps that `finish` makes besides the picture. They are attributes of `Result`; `--map` writes the
+    first."""
 
     all_surfaces: ClassVar[bool] = False
-    """Whether opaque surfaces are treated as any other, and not drawn first."""
+    """Whether opaque surfaces are treated like all others, instead of being drawn first."""
 
     stores_fragments: ClassVar[bool] = False
-    """Whether it keeps all of a pixel's fragments at once, which the memory must then be enough for."""
+    """Whether it stores all of a pixel's fragments at once. The memory must then be enough for them."""
 
     scratch_bytes: ClassVar[int] = 0
-    """What it needs for each fragment besides the fragment, where a pixel has very many."""
+    """Further bytes that it needs for each fragment, if a pixel has very many."""
 
     def passes_for(self, layers: Count, options: O) -> Count:
-        """The geometry passes, as the paper counts them, of pictures whose deepest pixels have so many layers."""
+        """The geometry passes, as the paper counts them, of pictures whose deepest pixel has so many layers."""
         return layers * 0 + 1
 
     def buffer_bytes(self, layers: int, options: O) -> int:
-        """What it keeps of a sample with so many transparent layers."""
+        """Bytes that it stores for a sample with so many transparent layers."""
         raise NotImplementedError
 
     def peeled(self, options: O) -> tuple[int, int] | None:
-        """How many layers of a pixel it peels from the front, and from the back; None where it does not sort.
+        """How many layers of a pixel it peels from the front, and from the back; None if it does not sort.
 
-        Raises InputError where the options allow that layers are lost.
+        Raises InputError if with these options layers may be lost.
         """
         return None
 
     def variants(self) -> tuple[O, ...]:
-        """The options that `auto` has the choice of."""
+        """The options among which `auto` may choose."""
         return (self.options(),)
 
     def error_without_order(self, layers: int, alpha: float) -> float | None:
-        """How far off a channel is at most, with so many layers of such alphas; None where nothing is known."""
+        """How far off a channel is at most, 0..1, with so many layers of at most this alpha; None if unknown."""
         return None
 
     def draw(self, frame: Frame, batch: Batch, options: O) -> Drawn:
@@ -88,29 +89,32 @@ class Technique(Generic[O]):
         raise NotImplementedError
 
     def finish(self, picture: Picture, triangles: Triangles, background: Rgb | None, options: O) -> Finished:
-        """Makes the maps of what was drawn; the picture stays as it was drawn where there are none."""
+        """Makes the maps of what was drawn. By default there are none, and the picture stays as it was drawn."""
         return picture.finished()
 
     @property
     def sorts(self) -> bool:
-        """Whether it knows the order of a pixel's layers, so that it can give them besides the picture."""
+        """Whether it knows the order of a pixel's layers. Only then can it give the layers besides the picture."""
         return self.peeled(self.options()) is not None
 
     @property
     def option_names(self) -> tuple[str, ...]:
-        """The options of `render` that it has besides those of all pictures."""
+        """The names of the options of `render` that it has besides those of all pictures, and `layers` if it sorts."""
         return (*(each.name for each in options_of(self.options)), *(("layers",) if self.sorts else ()))
 
     def variant(self, options: O) -> Variant:
-        """The technique with those options that make it another; how exactly it is drawn is none of them."""
+        """The technique's name, with the options that are not the defaults.
+
+        max_error is not among them, because it does not change what a fragment or a pass costs.
+        """
         return self.name, tuple(part for part in options.given() if part[0] != "max_error")
 
     def label(self, options: O) -> str:
-        """`variant` in words: `multi-layer-peeling, layers_per_pass 16`."""
+        """`variant` as text, such as `multi-layer-peeling, layers_per_pass 16`."""
         return ", ".join([self.name, *(f"{name} {value}" for name, value in self.variant(options)[1])])
 
 
 def opaque_bytes(options: Options) -> int:
-    """What is kept of a sample where opaque surfaces come first: z-far, and the colour there (opaque.h)."""
+    """Bytes that are stored for a sample if opaque surfaces are drawn first: z-far, and the colour there (opaque.h)."""
     blending = options if isinstance(options, Blending) else Blending()
     return FRAGMENT_BYTES + blending.color_bytes

@@ -36,10 +36,10 @@ VARIANTS: tuple[VariantName, ...] = get_args(VariantName)
 
 @dataclass(frozen=True, kw_only=True)
 class Variant(Options):
-    """The option of all that measure thickness.
+    """The option of all techniques that measure thickness.
 
-    variant: "exact" adds up the lengths within the surfaces, by all fragments sorted; "total" goes from the nearest
-    crossing to the farthest; "first-solid" goes from the first entry to the first exit.
+    variant: "exact" sorts all fragments, and adds up the lengths within the surfaces. "total" is the length from the
+    nearest crossing to the farthest. "first-solid" is the length from the first entry to the first exit.
     """
 
     variant: VariantName = option(
@@ -50,7 +50,7 @@ class Variant(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class ThicknessOptions(MapOptions, Variant):
-    """What is measured, and how it is shown."""
+    """Which thickness is measured, and how it is shown."""
 
     projected: bool = option(False, help="thickness in window depths, 0..1, in place of scene units")
     thickness_range: tuple[float, float] | None = option(
@@ -62,7 +62,7 @@ V = TypeVar("V", bound=Variant)
 
 
 class Measuring(Technique[V]):
-    """What techniques have in common that find thickness."""
+    """What techniques that measure thickness have in common."""
 
     maps = ("thickness", "unpaired")
     least_passes = 1
@@ -71,7 +71,7 @@ class Measuring(Technique[V]):
     scratch_bytes = FRAGMENT_BYTES
 
     def buffer_bytes(self, layers: int, options: V) -> int:
-        """All fragments of a sample, or the two that MIN blending keeps."""
+        """All fragments of a sample for "exact", or the two that MIN blending keeps."""
         return FRAGMENT_BYTES * (layers if options.variant == "exact" else 2)
 
     def measure(
@@ -83,10 +83,10 @@ class Measuring(Technique[V]):
         parameters: Sequence[float] = (),
         constants: dict[str, int] | None = None,
     ) -> Drawn:
-        """Draws a batch, and finds its thickness (Picture.values, as thickness.h has them).
+        """Draws a batch, and finds its thickness: Picture.values, as described in thickness.h.
 
-        projected: in window depths rather than scene units. parameters: the technique's own numbers. constants: of its
-        kernel.
+        projected: measure in window depths, instead of the device's units. parameters: further numbers for the
+        technique's kernel. constants: of the kernel.
         """
         triangles = frame.triangles
         numbers = (length_unit(triangles, projected), triangles.depth_scale, *parameters)
@@ -100,7 +100,7 @@ class Measuring(Technique[V]):
 
 
 class Thickness(Measuring[ThicknessOptions]):
-    """The map, and its picture."""
+    """Makes the map of thickness, and a picture of it."""
 
     name = "thickness"
     summary = (
@@ -110,17 +110,17 @@ class Thickness(Measuring[ThicknessOptions]):
     options = ThicknessOptions
 
     def draw(self, frame: Frame, batch: Batch, options: ThicknessOptions) -> Drawn:
-        """Needs no colours, so no fragment needs one of its own."""
+        """Draws a batch. Colours are not needed, so fragments have none of their own."""
         plain = frame.built_for(color_rate="scene", headlight=False)
         return self.measure(plain, batch, options.variant, options.projected)
 
     def finish(
         self, picture: Picture, triangles: Triangles, background: Rgb | None, options: ThicknessOptions
     ) -> Finished:
-        """The maps, and the thickness in colours: of a pixel's samples the mean of those that are covered.
+        """Makes the maps, and the picture: the thickness in colours, as the mean over a pixel's covered samples.
 
-        Unpaired samples are shown in OUTSIDE, a colour that the map has not. `thickness_range` is by default 0 to the
-        greatest thickness of any pixel that is not unpaired.
+        Unpaired samples have the colour OUTSIDE, which is not in the colour map. `thickness_range` is by default 0 to
+        the greatest thickness of the pixels without unpaired samples.
         """
         import numpy as np
 
@@ -150,11 +150,12 @@ def _range_of(shown: Lengths, unpaired: NDArray[np.bool_]) -> tuple[float, float
 
 
 def length_unit(triangles: Triangles, projected: bool) -> float:
-    """What the kernels' lengths are multiplied with (thickness.h, length_between).
+    """The factor of the kernels' lengths (thickness.h, length_between).
 
-    Scene units: near in perspective, as depth is near / distance, and far - near else; times device_scale, so that
-    float32 holds them. Projected, OpenGL's window depth f / (f - n) (1 - n / distance) in perspective: f / (f - n), and
-    else 1. Where depths begin and end elsewhere than window depths, their ratio comes in (Camera.depth_range).
+    For scene units it is near in perspective, where depth is near / distance, and far - near in parallel projection.
+    device_scale is part of it, so that float32 holds the lengths. For `projected` lengths in perspective, OpenGL's
+    window depth is f / (f - n) (1 - n / distance), so it is f / (f - n); in parallel projection it is 1. The depths'
+    range may differ from that of window depths (Camera.depth_range). Then the ratio of the two is part of the factor.
     """
     near, far = triangles.clipping
     window_near, window_far = triangles.window
@@ -165,12 +166,15 @@ def length_unit(triangles: Triangles, projected: bool) -> float:
 
 
 def device_scale(triangles: Triangles) -> float:
-    """A scene unit, in those of the device: a power of two, 1 but for scenes of extreme sizes."""
+    """How many of the device's units a scene unit is: a power of two, 1 except for scenes of extreme sizes."""
     return triangles.scene.grid.scale
 
 
 def maps_of(picture: Picture, unit: float = 1.0) -> tuple[dict[str, Map], dict[str, object]]:
-    """The maps by name, and their stats. unit: of the device's lengths, a power of two, in those of the map."""
+    """The maps by name, [height, width], and their stats.
+
+    unit: how many of the map's units one of the device's units is, a power of two.
+    """
     import numpy as np
 
     from clpeel.pictures.lengths import scaled

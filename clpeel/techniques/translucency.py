@@ -1,7 +1,7 @@
-"""translucency: a light behind the scene, seen through what is thin (techniques/translucency.cl).
+"""translucency: a light behind the scene shines through where the scene is thin (techniques/translucency.cl).
 
-"Dual depth buffering for translucency rendering": what comes through is exp(-extinction thickness), by any of the
-variants of `thickness`.
+"Dual depth buffering for translucency rendering": the share exp(-extinction thickness) of the light comes through. The
+thickness is any of the variants of `thickness`.
 """
 
 from __future__ import annotations
@@ -25,15 +25,19 @@ LIGHT_COLOR = (1.0, 0.93, 0.8)
 """A warm white."""
 
 REFLECTANCE = 0.35
-"""What a white surface reflects of the light at the camera."""
+"""The share of the light at the camera that a white surface reflects."""
 
 OPTICAL_DIAGONAL = 6.0
-"""The default sigma, times the diagonal of the scene's bounds."""
+"""The default sigma is this number, divided by the diagonal of the scene's bounds."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TranslucencyOptions(Blending, Variant):
-    """The light and what it goes through."""
+    """The options of the light, and of the material that it goes through.
+
+    sigma: extinction for each scene unit; None for a default by the scene's size (extinction_of). light_color: three
+    numbers 0..1, or text such as "white".
+    """
 
     sigma: float | None = option(
         None,
@@ -44,7 +48,7 @@ class TranslucencyOptions(Blending, Variant):
 
 
 class Translucency(Measuring[TranslucencyOptions]):
-    """The picture, and the maps that it is made of."""
+    """Makes the picture, and the maps of thickness that it is made from."""
 
     name = "translucency"
     summary = "surfaces with a light behind them, which comes through where they are thin"
@@ -52,7 +56,7 @@ class Translucency(Measuring[TranslucencyOptions]):
     options = TranslucencyOptions
 
     def draw(self, frame: Frame, batch: Batch, options: TranslucencyOptions) -> Drawn:
-        """Lengths are in the device's units, and so is the extinction."""
+        """Draws a batch. The kernel's lengths are in the device's units, so the extinction is converted to these."""
         extinction = extinction_of(frame.triangles, options) / device_scale(frame.triangles)
         parameters = (extinction, *(float(part) for part in options.light_color), REFLECTANCE)
         return self.measure(frame, batch, options.variant, parameters=parameters, constants=options.constants)
@@ -60,13 +64,13 @@ class Translucency(Measuring[TranslucencyOptions]):
     def finish(
         self, picture: Picture, triangles: Triangles, background: Rgb | None, options: TranslucencyOptions
     ) -> Finished:
-        """The maps; the picture stays as it was drawn."""
+        """Makes the maps. The picture stays as it was drawn."""
         maps, stats = maps_of(picture, 1 / device_scale(triangles))
         return picture.finished(maps, {**stats, "sigma": extinction_of(triangles, options)})
 
 
 def extinction_of(triangles: Triangles, options: TranslucencyOptions) -> float:
-    """sigma, a scene unit, as given, or OPTICAL_DIAGONAL over the scene's diagonal."""
+    """The extinction for each scene unit: `sigma` or, by default, OPTICAL_DIAGONAL / the scene's diagonal."""
     from clpeel.scene.camera import length_of
 
     if options.sigma is not None:

@@ -1,7 +1,7 @@
-"""weighted-average: n layers of the average colour and alpha (techniques/weighted-average.cl).
+"""weighted-average: blends n layers that all have the average colour and alpha (techniques/weighted-average.cl).
 
-C A (1 - (1 - A)^n) / A + C0 (1 - A)^n with C = sum(Ai Ci) / sum(Ai), A = sum(Ai) / n, in submission order (Bavoil and
-Myers 2008, "Weighted Average").
+C A (1 - (1 - A)^n) / A + C0 (1 - A)^n with C = sum(Ai Ci) / sum(Ai) and A = sum(Ai) / n (Bavoil and Myers 2008,
+"Weighted Average"). The sums are taken in submission order.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from clpeel.techniques.weighted_sum import Sums
 
 
 class WeightedAverage(Sums):
-    """Every layer alike."""
+    """Gives every layer the average colour and alpha."""
 
     name = "weighted-average"
     summary = "fast, not exact: as many layers as there are, all of the average colour and alpha"

@@ -1,6 +1,7 @@
-"""weighted-sum: one pass over the fragments in the order they come (techniques/weighted-sum.cl).
+"""weighted-sum: adds up the fragments in the order in which they come, in one pass (techniques/weighted-sum.cl).
 
-C = sum(Ai Ci) + C0 (1 - sum(Ai)), in submission order (Meshkin 2007; Bavoil and Myers 2008, "Weighted Sum").
+C = sum(Ai Ci) + C0 (1 - sum(Ai)) (Meshkin 2007; Bavoil and Myers 2008, "Weighted Sum"). The sums are taken in
+submission order.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Sums(Technique[Blending]):
-    """What the techniques that add fragments up, in whatever order of depth, have in common."""
+    """What techniques that add fragments up, without sorting them by depth, have in common."""
 
     options = Blending
     least_passes = 1
@@ -26,7 +27,7 @@ class Sums(Technique[Blending]):
     stores_fragments = True
 
     def buffer_bytes(self, layers: int, options: Blending) -> int:
-        """All fragments of a sample: they are kept until they can be added up in the order of submission."""
+        """All fragments of a sample. They are stored until they can be added up in the order of submission."""
         return FRAGMENT_BYTES * layers
 
     def draw(self, frame: Frame, batch: Batch, options: Blending) -> Drawn:
@@ -35,16 +36,17 @@ class Sums(Technique[Blending]):
 
 
 class WeightedSum(Sums):
-    """Every layer in full, as if nothing were in front of it."""
+    """Shows every layer in full, as if nothing were in front of it."""
 
     name = "weighted-sum"
     summary = "fast, not exact: adds up the colours times their alphas in any order; right where alphas are small"
     kernel = "techniques/weighted-sum.cl"
 
     def error_without_order(self, layers: int, alpha: float) -> float:
-        """How far off a channel is at most, over any background, with so many layers of such alphas.
+        """How far off a channel is at most, 0..1, over any background, with so many layers of at most this alpha.
 
-        The sum takes each layer to be seen in full, Ai Ci, where 1 - Pi of it is hidden, Pi being the product of the
-        1 - Aj in front; over a background C0 the picture is off by sum(Ai (1 - Pi) (Ci - C0)), and 1 - Pi <= sum(Aj).
+        The sum shows each layer in full, as Ai Ci. In truth the share 1 - Pi of it is hidden, where Pi is the product
+        of 1 - Aj over the layers in front. So over a background C0 the picture is off by sum(Ai (1 - Pi) (Ci - C0)).
+        The bound follows from 1 - Pi <= sum(Aj).
         """
         return alpha * alpha * layers * (layers - 1) / 2
