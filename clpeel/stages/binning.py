@@ -50,7 +50,7 @@ class Batch:
 class Tiles:
     """How many records meet each tile of the image. Tiles are numbered row by row, from the top left.
 
-    columns: tiles in a row. chunk_records, chunk_count: the records are cut into so many chunks of so many records.
+    columns: tiles in a row. chunk_records: records of a chunk. chunk_count: the number of chunks.
     """
 
     gpu: Workspace

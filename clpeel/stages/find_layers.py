@@ -42,7 +42,7 @@ STAGE = "layers"
 TILE_LAYERS_BYTES = TILE_BYTES + (4 + 4) * TILE_PIXELS + 4
 """Bytes that a tile takes in a batch besides its list.
 
-They are those for drawing; for each pixel, the end of its list and the number of its layers; and the tile's start.
+These are: what drawing takes, the end of each pixel's list, each pixel's number of layers, and the tile's start.
 """
 
 TURNS = ("fragments", "scratch", "colors", "sources", "pairs", "pixel_end", "kept")

@@ -35,7 +35,7 @@ class Sort(Technique[Bounded]):
         return ALL_LAYERS, 0
 
     def draw(self, frame: Frame, batch: Batch, options: Bounded) -> Drawn:
-        """Goes over the geometry once."""
+        """Draws the batch in one geometry pass."""
         return frame.once(
             batch, self.kernel, options.constants, scratch_bytes=self.scratch_bytes, max_error=options.max_error
         )

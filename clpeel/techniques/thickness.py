@@ -1,4 +1,4 @@
-"""thickness: how far the ray of each pixel runs through the scene, as a map and its picture (techniques/thickness.cl).
+"""thickness: how far each pixel's ray runs through the scene, as a map and a picture of it (techniques/thickness.cl).
 
 Oat and Scheuermann 2008, "Computing Per-Pixel Object Thickness in a Single Render Pass" (ShaderX6), as described and
 amended in "Dual depth buffering for translucency rendering": MIN blending of (depth, 1 - depth). The variant `exact` is

@@ -31,7 +31,7 @@ class Sums(Technique[Blending]):
         return FRAGMENT_BYTES * layers
 
     def draw(self, frame: Frame, batch: Batch, options: Blending) -> Drawn:
-        """Goes over the geometry once."""
+        """Draws the batch in one geometry pass."""
         return frame.once(batch, self.kernel, options.constants)
 
 
