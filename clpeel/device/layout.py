@@ -116,15 +116,14 @@ It is also how many numbers a cache line has. Binning writes unwanted numbers to
 class Features:
     """What kernels are compiled for. It depends on the scene and the request.
 
-    lanes: work-items that share a tile.
+    lanes: work-items that share a tile. Stages that make no fragments use nothing but this, so they are compiled once
+    for all kinds of scenes: for `Features(lanes)`.
     """
 
     lanes: int
-    perspective: bool
-    low_positions: bool  # positions are float32 pairs
-    color_rate: str  # "scene" | "face" | "vertex"
-    packed_color: bool  # colours come as 4 bytes rather than 4 floats
-    headlight: bool
+    color_rate: str = "scene"  # or "face", or "vertex"
+    packed_color: bool = True  # colours come as 4 bytes rather than 4 floats
+    headlight: bool = False
     surfaces: str = "transparent"  # or "opaque", or "mixed": opaque faces are marked and drawn first
     depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED]
 
@@ -157,8 +156,6 @@ class Features:
             "LANES": self.lanes,
             "STRIP": self.strip,
             "WIDE": self.wide,
-            "PERSPECTIVE": int(self.perspective),
-            "LOW_POSITIONS": int(self.low_positions),
             "COLOR_RATE_FACE": int(self.color_rate == "face"),
             "COLOR_RATE_VERTEX": int(self.color_rate == "vertex"),
             "PACKED_COLOR": int(self.packed_color),

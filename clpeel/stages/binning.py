@@ -10,10 +10,10 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from clpeel.device.layout import PADDING, TILE, TILE_PIXELS
-from clpeel.device.program import cut, launch, program
+from clpeel.device.program import cut, launch
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
-from clpeel.stages.projection import Arguments, Triangles
+from clpeel.stages.projection import Arguments, Triangles, setup_kernels
 
 STAGE = "binning"
 PAIR_BYTES = 4
@@ -95,7 +95,7 @@ class Tiles:
         np.cumsum(tile_pairs, out=starts[1:])
         pair_start = self.gpu.put("pair_start", starts.astype(np.uint32))
         pairs = self.gpu.buffer("pairs", (int(starts[-1]) + (1 + self.chunk_count) * PADDING) * PAIR_BYTES)
-        kernel = program(self.gpu, "stages/setup.cl", self.triangles.setup_features)["bin_emit"]
+        kernel = setup_kernels(self.gpu, self.triangles.scene)["bin_emit"]
         launch(
             self.gpu,
             STAGE,
@@ -125,7 +125,7 @@ def bin_triangles(gpu: Workspace, triangles: Triangles, budget: int) -> Tiles:
     chunk_records, chunks = cut(gpu, triangles.listed, budget // (4 * counts_apart))
     counts = gpu.buffer("counts", 4 * chunks * counts_apart)
     tile_pairs = gpu.buffer("tile_pairs", 4 * tile_count)
-    kernels = program(gpu, "stages/setup.cl", triangles.setup_features)
+    kernels = setup_kernels(gpu, triangles.scene)
     walk = _walk(triangles, columns, chunk_records, tile_count, counts)
     launch(gpu, STAGE, kernels["bin_count"], chunks, 1, **walk, first_row=0, last_row=rows - 1)
     launch(

@@ -6,7 +6,7 @@ It counts all tiles of a picture, or a sample of them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pyopencl as cl
@@ -72,12 +72,11 @@ class Counted:
 
 
 def counting_kernel(gpu: Workspace, features: Features) -> Kernel:
-    """The counting kernel. Colours, and how depths were computed, do not affect counts.
+    """The counting kernel. Colours do not affect counts.
 
-    So these features have fixed values here, and fewer kernels are built.
+    So the features of colours have fixed values here, and fewer kernels are built.
     """
-    plain = replace(features, perspective=True, low_positions=False, color_rate="scene", packed_color=True)
-    plain = replace(plain, headlight=False)
+    plain = Features(features.lanes, surfaces=features.surfaces, depth_format=features.depth_format)
     return program(gpu, "stages/counting.cl", plain, ALL_OPAQUE=int(features.surfaces == "opaque"))["count_layers"]
 
 

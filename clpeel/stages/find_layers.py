@@ -204,7 +204,7 @@ def _distances(keys: NDArray[np.uint32], triangles: Triangles) -> Lengths:
             steps = {UNORM24: 2.0**24 - 1, RGBA8: 2.0**32}
             window = bits.view(np.float32).astype(np.float64) if kept == FLOAT32 else bits / steps[kept]
             depth = 1 - window / triangles.depth_scale
-        distance = near / depth if triangles.features.perspective else far - depth * (far - near)
+        distance = near / depth if triangles.perspective else far - depth * (far - near)
         return narrowed(distance)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pyopencl as cl
@@ -19,7 +19,7 @@ from clpeel.device.layout import (
     DepthFormat,
     Features,
 )
-from clpeel.device.program import cut, launch, program
+from clpeel.device.program import Kernel, cut, launch, program
 from clpeel.device.records import TRIANGLE, VERTEX
 from clpeel.device.workspace import Workspace
 from clpeel.scene.camera import Camera
@@ -62,6 +62,7 @@ class Triangles:
 
     scene: DeviceScene
     features: Features
+    perspective: bool  # or parallel projection
     size: tuple[int, int]  # width, height in samples
     view: tuple[float, float, float]  # view direction, unit length
     clipping: tuple[float, float]  # view distances of the near and the far plane of depths, in world units
@@ -79,14 +80,6 @@ class Triangles:
     def count(self) -> int:
         """The number of records."""
         return self.listed + CLIP_TRIANGLES * self.clipped
-
-    @property
-    def setup_features(self) -> Features:
-        """The features that stages before fragments are compiled for.
-
-        These stages do not use the depth format. A fixed one saves builds.
-        """
-        return replace(self.features, depth_format=DEPTH_FORMATS[FLOAT32_REVERSED])
 
     @property
     def shading(self) -> Arguments:
@@ -119,6 +112,7 @@ class View:
 
     points: Arguments
     size: Arguments
+    perspective: bool
     clipping: tuple[float, float]
     window: tuple[float, float]
 
@@ -140,7 +134,9 @@ def view_of(
         "depth_near": depth_near,
         "depth_far": depth_far,
     }
-    return View(points, {"width": size[0], "height": size[1]}, clipping, camera.fitted_range(host))
+    return View(
+        points, {"width": size[0], "height": size[1]}, not camera.orthographic, clipping, camera.fitted_range(host)
+    )
 
 
 def project(
@@ -159,12 +155,11 @@ def project(
     """
     features = Features(
         lanes=gpu.lanes,
-        perspective=not camera.orthographic,
-        low_positions=scene.low_positions is not None,
         color_rate=scene.color_rate,
         packed_color=scene.packed_color,
         headlight=headlight,
         surfaces=scene.surfaces if opaque_first else "transparent",
+        depth_format=depth_format,
     )
     view = view_of(gpu, scene, camera, size, depth_format)
     vertices = _project_vertices(gpu, scene, view, features)
@@ -174,7 +169,8 @@ def project(
     direction = camera.axes()[2]
     return Triangles(
         scene=scene,
-        features=replace(features, depth_format=depth_format),  # setup kernels ignore it
+        features=features,
+        perspective=view.perspective,
         size=size,
         view=(float(direction[0]), float(direction[1]), float(direction[2])),
         clipping=view.clipping,
@@ -190,13 +186,21 @@ def project(
     )
 
 
+def setup_kernels(gpu: Workspace, scene: DeviceScene, path: str = "stages/setup.cl") -> dict[str, Kernel]:
+    """The kernels of the stages before fragments. All scenes share one build, but those whose positions are pairs.
+
+    What differs from scene to scene in these stages is an argument, as a build takes longer than any picture.
+    """
+    return program(gpu, path, Features(gpu.lanes), LOW_POSITIONS=int(scene.low_positions is not None))
+
+
 def _project_vertices(gpu: Workspace, scene: DeviceScene, view: View, features: Features) -> cl.Buffer:
     count = len(scene.scene.vertices)
     vertices = gpu.buffer("vertices", (count + PADDING) * VERTEX.itemsize)
     launch(
         gpu,
         STAGE,
-        program(gpu, "stages/setup.cl", features)["project_vertices"],
+        setup_kernels(gpu, scene)["project_vertices"],
         -(-count // features.wide),
         None,
         vertex_count=count,
@@ -230,7 +234,7 @@ class _Lists:
 
 def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Features, corners: Arguments) -> _Lists:
     """Culls the faces, and lists the remaining ones, which may cover a sample. Opaque faces come first."""
-    kernels = program(gpu, "stages/setup.cl", features)
+    kernels = setup_kernels(gpu, scene)
     face_count = len(scene.scene.faces)
     states = gpu.buffer("states", face_count + PADDING)
     launch(
@@ -240,7 +244,9 @@ def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Fe
         -(-face_count // features.wide),
         None,
         face_count=face_count,
-        palette=scene.palette,
+        palette=scene.palette if features.surfaces == "mixed" else None,
+        vertex_colors=scene.color_rate == "vertex",
+        packed=scene.packed_color,
         states=states,
         **corners,
         **view.size,
@@ -287,10 +293,11 @@ def _set_up(
     launch(
         gpu,
         STAGE,
-        program(gpu, "stages/setup.cl", features)["setup_triangles"],
+        setup_kernels(gpu, scene)["setup_triangles"],
         -(-lists.listed_count // features.wide),
         None,
         **corners,
+        perspective=view.perspective,
         **lists.arguments,
         **view.size,
         **outputs,
@@ -299,12 +306,13 @@ def _set_up(
         launch(
             gpu,
             STAGE,
-            program(gpu, "stages/clipping.cl", features)["clip_triangles"],
+            setup_kernels(gpu, scene, "stages/clipping.cl")["clip_triangles"],
             lists.clipped_count,
             None,
             clipped=lists.clipped,
             clipped_count=lists.clipped_count,
             faces=scene.faces,
+            perspective=view.perspective,
             **lists.arguments,
             **view.points,
             **view.size,

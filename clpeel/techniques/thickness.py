@@ -90,10 +90,8 @@ class Measuring(Technique[V]):
         """
         triangles = frame.triangles
         numbers = (length_unit(triangles, projected), triangles.depth_scale, *parameters)
-        defines = {"VARIANT": VARIANTS.index(variant), **(constants or {})}
-        linear = projected or not triangles.features.perspective  # thickness.h, length_between
-        # Depths are exact by now, so the kernels need no float pairs: one build fewer.
-        frame = frame.built_for(perspective=not linear, low_positions=False)
+        linear = projected or not triangles.perspective  # thickness.h, length_between
+        defines = {"VARIANT": VARIANTS.index(variant), "PERSPECTIVE": int(not linear), **(constants or {})}
         if variant == "exact":
             return frame.once(batch, self.kernel, defines, scratch_bytes=self.scratch_bytes, parameters=numbers)
         return frame.peel(batch, self.kernel, Peeling(passes=1), defines, parameters=numbers)
@@ -159,7 +157,7 @@ def length_unit(triangles: Triangles, projected: bool) -> float:
     """
     near, far = triangles.clipping
     window_near, window_far = triangles.window
-    if triangles.features.perspective:
+    if triangles.perspective:
         projection = window_near / near * window_far / (window_far - window_near)
         return projection if projected else near * device_scale(triangles)
     return (far - near) / (window_far - window_near) if projected else (far - near) * device_scale(triangles)

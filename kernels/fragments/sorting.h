@@ -60,7 +60,7 @@ static global ulong *sort_digits(global ulong *list, global ulong *spare, uint c
         low = MIN(low, some), high = MAX(high, some);
     }
     ulong least = list[count - 1], most = least;
-    for (int k = 0; k < 8; ++k) {
+    PLAIN_LOOP for (int k = 0; k < 8; ++k) {
         ulong one = list[MAX((int)count - 1 - k, 0)];  // signed, as in load_rows (fragments/colors.h)
         least = MIN(least, MIN(((const ulong *)&low)[k], one)), most = MAX(most, MAX(((const ulong *)&high)[k], one));
     }
@@ -68,7 +68,7 @@ static global ulong *sort_digits(global ulong *list, global ulong *spare, uint c
     int digits = 0;
     while (digits < 4 && (most - least) >> (32 + 8 * digits)) ++digits;
     uint place[4][256];
-    for (uint k = 0; k < 4 * 256; ++k) place[0][k] = 0;
+    PLAIN_LOOP for (uint k = 0; k < 4 * 256; ++k) place[0][k] = 0;
     PLAIN_LOOP for (uint k = 0; k < count; ++k) {
         uint key = (uint)((list[k] - least) >> 32);
         ++place[0][key & 255], ++place[1][key >> 8 & 255], ++place[2][key >> 16 & 255];
@@ -95,10 +95,10 @@ static global ulong *sort_digits(global ulong *list, global ulong *spare, uint c
 
 // Sorts the pixels of a strip that have more than RUN_MAX fragments, where they lie. Returns the most fragments of any
 // pixel.
-INLINE uint sort_deep(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, VECTOR(uint) count)
+OUTLINE uint sort_deep(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, VECTOR(uint) count)
 {
     uint deepest = 0;
-    for (int k = 0; k < STRIP; ++k) {
+    PLAIN_LOOP for (int k = 0; k < STRIP; ++k) {
         uint size = ((const uint *)&count)[k], from = ((const uint *)&begin)[k];
         deepest = MAX(deepest, size);
         if (size <= RUN_MAX) continue;

@@ -65,11 +65,11 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
     const float least_seen = BOUNDED ? parameters[0] : 0.0f;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     for (;;) {
-        if (get_local_id(0) == 0) {
+        if (LANE == 0) {
             taken = atomic_inc(next_tile);
             for (int k = 0; k < PEEL_TOTALS; ++k) totals[k] = 0;
         }
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
         uint tile = taken;
         if (tile >= to_tile) break;
         ulong entered = TICKS();
@@ -184,7 +184,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         atomic_add(totals + PEEL_TRUNCATED, truncated);
         atomic_max(totals + PEEL_HIDDEN, hidden);
         atomic_add(totals + PEEL_OPAQUE, solid);
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
         for (int k = lane; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];
         uint beyond_one = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
                                          blue, has_background, keep_color, image, color);
@@ -193,7 +193,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         store_values(found, first_tile + tile, columns, side_bits, picture_width, picture_height, values);
 #endif
         if (lane == 0) add_long(pass_totals + 4 * most_passes, TICKS() - entered);
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
     }
 }
 

@@ -55,14 +55,14 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     local uint taken, total, deepest, solid;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     const float3 view = (float3)(view_x, view_y, view_z);
-    uint lane = get_local_id(0), held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
+    uint lane = LANE, held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
     size_t own_slab = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
     fragments += own_slab;
     if (scratch) scratch += own_slab;
     if (FRAGMENT_COLOR) colors += own_slab;
     for (;;) {
         if (lane == 0) taken = atomic_inc(next_tile), total = deepest = solid = 0;
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
         uint tile = taken;
         if (tile >= to_tile) break;
         bool wanted = layers_before == 0 || tile_totals[tile].y > layers_before;
@@ -97,10 +97,10 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 start = first ? ends[first - 1] : 0, blocks = 0;
                 last = TILE_PIXELS - 1;
                 while (ends[last] - start > slab) --last;
-                for (uint b = first / BLOCK_PIXELS; b <= last / BLOCK_PIXELS; ++b)
+                PLAIN_LOOP for (uint b = first / BLOCK_PIXELS; b <= last / BLOCK_PIXELS; ++b)
                     blocks |= (uint)(ends[(b + 1) * BLOCK_PIXELS - 1] != (b ? ends[b * BLOCK_PIXELS - 1] : 0)) << b;
-                for (uint own = 0; own < STRIPS_A_LANE; ++own)
-                    for (uint k = 0; k < STRIP; ++k) {
+                PLAIN_LOOP for (uint own = 0; own < STRIPS_A_LANE; ++own)
+                    PLAIN_LOOP for (uint k = 0; k < STRIP; ++k) {
                         uint p = (own * LANES + lane) * STRIP + k, begin = p ? ends[p - 1] : 0;
                         ((uint *)(next + own))[k] = ends[p] != begin ? begin - start : slab;
                     }
@@ -115,7 +115,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 VECTOR(int) here = (VECTOR(int))(-1);
                 if (lists) {
                     VECTOR(uint) end = *(local const VECTOR(uint) *)(ends + p);
-                    for (int k = 0; k < STRIP; ++k) ((uint *)&begin)[k] = p + k ? ends[p + k - 1] : 0;
+                    PLAIN_LOOP for (int k = 0; k < STRIP; ++k) ((uint *)&begin)[k] = p + k ? ends[p + k - 1] : 0;
                     here = pixel >= (VECTOR(uint))(first) && pixel <= (VECTOR(uint))(last) && end != begin;
                     count = here ? end - begin - LIST_GAP : (VECTOR(uint))(0);
                     begin -= start;
@@ -150,13 +150,13 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             if (!lists) {
                 atomic_add(&total, sum);
                 atomic_max(&deepest, most);
-                barrier(CLK_LOCAL_MEM_FENCE);
+                BARRIER;
                 if (deepest > held && deepest + LIST_GAP <= slab) first = 0, lists = true;
                 if (lane == 0) {
                     tile_totals[tile] = (uint4)(total, deepest, solid, 0);
-                    for (uint p = 1; lists && p < TILE_PIXELS; ++p) ends[p] += ends[p - 1];
+                    PLAIN_LOOP for (uint p = 1; lists && p < TILE_PIXELS; ++p) ends[p] += ends[p - 1];
                 }
-                barrier(CLK_LOCAL_MEM_FENCE);
+                BARRIER;
             }
         }
         for (uint own = 0; MIXED && wanted && own < STRIPS_A_LANE; ++own) {
@@ -164,7 +164,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             put_over(&over, behind + own);
             layer[own * LANES + lane] = over;
         }
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
         if (empty && lane == 0) tile_totals[tile] = (uint4)(0, 0, solid, 0);
         if (wanted && deepest + LIST_GAP <= slab) {
             uint beyond = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
@@ -174,7 +174,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             store_values(found, first_tile + tile, columns, side_bits, picture_width, picture_height, values);
 #endif
         }
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
     }
 }
 

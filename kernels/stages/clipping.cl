@@ -86,7 +86,8 @@ static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRang
 // face.
 kernel void clip_triangles(global const uint *clipped, uint clipped_count, global const uint *listed, uint listed_count,
                            uint opaque_count, global const uint *faces, global const float *positions,
-                           global const float *low_positions, global const float *matrix, float depth_near, float depth_far, int width, int height,
+                           global const float *low_positions, global const float *matrix, float depth_near, float depth_far,
+                           int width, int height, int perspective,
                            global Triangle *triangles, global ushort4 *bounds, global float *weights)
 {
     uint n = get_global_id(0);
@@ -117,13 +118,12 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
         for (int i = 0; i < 3; ++i) to_screen(&polygon[i == 0 ? 0 : k + i].at, corner + i);
         Arrangement arrangement;
         make_triangles(corner, source, clipped[n] < opaque_count ? OPAQUE : 0, width, height, record, triangles, bounds, &arrangement);
-#if FRAGMENT_COLOR
+        if (!weights) continue;
         float share[3][3];
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j)
-                share[i][j] = polygon[i == 0 ? 0 : k + i].weight[j] * (PERSPECTIVE ? corner[i].depth : 1.0f);
+                share[i][j] = polygon[i == 0 ? 0 : k + i].weight[j] * (perspective ? corner[i].depth : 1.0f);
         store_weights(weights, record, &arrangement, share);
-#endif
     }
     // The face itself has no record. Its bounds say where its fan is instead (stages/binning.cl, FOR_EACH_PAIR).
     bounds[clipped[n]] = (ushort4)(CLIPPED_FACE, 0, n & 0xFFFF, n >> 16);

@@ -21,7 +21,7 @@ INLINE VECTOR(uint) to_byte(VECTOR(float) value)
 INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint side)
 {
     float4 sum = (float4)(0.0f);
-    for (uint k = 0; k < side * side; ++k) {
+    PLAIN_LOOP for (uint k = 0; k < side * side; ++k) {
         uint p = pixel_at(column * side + k % side, row * side + k / side);
         sum += (float4)(CHANNEL(layer, red, p), CHANNEL(layer, green, p), CHANNEL(layer, blue, p), CHANNEL(layer, alpha, p));
     }
@@ -57,7 +57,7 @@ INLINE void store_values(local const Found *found, uint tile, int columns, int s
 {
     uint bits = TILE_BITS - side_bits, side = 1u << side_bits;
     uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
-    for (uint p = get_local_id(0); p < 1u << 2 * bits; p += LANES) {
+    for (uint p = LANE; p < 1u << 2 * bits; p += LANES) {
         uint column = p & ((1u << bits) - 1), row = p >> bits;
         if (left + column >= (uint)width || top + row >= (uint)height) continue;
         size_t at = (size_t)(top + row) * width + left + column;
@@ -88,11 +88,11 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
     uint bits = TILE_BITS - side_bits, side = 1u << side_bits, clamped = 0;
     uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
     bool whole = side == 1 && left + TILE <= (uint)width && top + TILE <= (uint)height;
-    for (uint q = get_local_id(0) * STRIP; q < 1u << 2 * bits; q += LANES * STRIP) {
+    for (uint q = LANE * STRIP; q < 1u << 2 * bits; q += LANES * STRIP) {
         // A strip of the picture's pixels: those of a block where pixels are samples, else those of the tile row by
         // row.
         Colors pixel = layer[q / STRIP];
-        for (uint k = 0; side > 1 && k < STRIP; ++k) {
+        PLAIN_LOOP for (uint k = 0; side > 1 && k < STRIP; ++k) {
             float4 mean = mean_of(layer, (q + k) & ((1u << bits) - 1), ((q + k) >> bits) & ((1u << bits) - 1), side);
             ((float *)&pixel.red)[k] = mean.x, ((float *)&pixel.green)[k] = mean.y;
             ((float *)&pixel.blue)[k] = mean.z, ((float *)&pixel.alpha)[k] = mean.w;
@@ -128,7 +128,7 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
             continue;
         }
 #endif
-        for (uint k = 0; k < STRIP; ++k) {
+        PLAIN_LOOP for (uint k = 0; k < STRIP; ++k) {
             uint p = q + k, block = p / BLOCK_PIXELS;
             uint x = side > 1 ? p & ((1u << bits) - 1) : block % BLOCKS_A_ROW * BLOCK + p % BLOCK;
             uint y = side > 1 ? p >> bits : block / BLOCKS_A_ROW * BLOCK + p % BLOCK_PIXELS / BLOCK;

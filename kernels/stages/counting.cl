@@ -22,11 +22,11 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
 {
     local uint taken, totals[COUNT_TOTALS];
     for (;;) {
-        if (get_local_id(0) == 0) {
+        if (LANE == 0) {
             taken = atomic_inc(next_tile);
             for (int k = 0; k < COUNT_TOTALS; ++k) totals[k] = 0;
         }
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
         uint number = taken;
         if (number >= to_tile) break;
         uint tile = chosen ? chosen[number] : number;
@@ -84,8 +84,8 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
         atomic_add(totals + COUNT_VISITS, visits);
         atomic_add(totals + COUNT_OPAQUE_VISITS, opaque_visits);
         if (lane == 0) totals[COUNT_OPAQUE_RECORDS] = middle - begin;
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
         for (int k = lane; k < COUNT_TOTALS; k += LANES) tile_totals[COUNT_TOTALS * number + k] = totals[k];
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
     }
 }

@@ -16,8 +16,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     local Colors layer[TILE_PIXELS / STRIP];
     local uint taken, solid;
     for (;;) {
-        if (get_local_id(0) == 0) taken = atomic_inc(next_tile), solid = 0;
-        barrier(CLK_LOCAL_MEM_FENCE);
+        if (LANE == 0) taken = atomic_inc(next_tile), solid = 0;
+        BARRIER;
         uint tile = taken;
         if (tile >= to_tile) break;
         VECTOR(ulong) z_far[STRIPS_A_LANE];
@@ -26,11 +26,11 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                                    depth_scale, faces, palette, weights, normals, (float3)(view_x, view_y, view_z), z_far,
                                    behind);
         atomic_add(&solid, samples);
-        for (int own = 0; own < STRIPS_A_LANE; ++own) layer[own * LANES + get_local_id(0)] = behind[own];
-        barrier(CLK_LOCAL_MEM_FENCE);
-        if (get_local_id(0) == 0) tile_samples[tile] = solid;
+        for (int own = 0; own < STRIPS_A_LANE; ++own) layer[own * LANES + LANE] = behind[own];
+        BARRIER;
+        if (LANE == 0) tile_samples[tile] = solid;
         composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green, blue,
                        has_background, keep_color, image, color);
-        barrier(CLK_LOCAL_MEM_FENCE);
+        BARRIER;
     }
 }

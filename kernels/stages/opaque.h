@@ -25,7 +25,7 @@ INLINE uint transparent_from(global const Triangle *triangles, global const uint
 // Draws the tile's opaque records, which are those of its list before `until`, for each of the lane's strips. Pixels
 // with one get it as z_far, and its colour and transmittance 0 as `behind`. Others get ABSENT, colour 0 and
 // transmittance 1. Returns how many samples have an opaque surface.
-INLINE uint draw_opaque(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, uint tile,
+OUTLINE uint draw_opaque(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, uint tile,
                         uint until, uint first_tile, int columns, int width, int height, float depth_scale,
                         global const uint *faces, global const void *palette, global const float *weights,
                         global const float *normals, float3 view,

@@ -61,7 +61,7 @@ kernel void project_vertices(global const float *positions, global const float *
 // Whether triangles cover a sample, for those whose bounds have at most 2 x 2 samples: their edge functions
 // (stages/walk.h) are evaluated at each. For larger triangles the result means nothing. flip: where the corners run the
 // other way.
-INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height)
+OUTLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height)
 {
     Ints covers = (Ints)(0);
     UNROLL for (int s = 0; s < 4; ++s) {
@@ -85,20 +85,22 @@ INLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach
 // A field of vertices. A vertex is three times two numbers long, and GATHER takes steps of two.
 #define VERTEX_FIELD(name, at) GATHER(&vertices->name, 2, 3 * (at))
 
-// Whether all alphas of faces are one. vertex: the vertices at their corners.
-INLINE Ints is_opaque(global const void *palette, Uints face, const Uints *vertex)
+// Whether all alphas of faces are one. vertex_colors: the palette has the colours of vertices, instead of faces. packed:
+// it has 4 bytes for each, instead of 4 floats. vertex: the vertices at the faces' corners.
+OUTLINE Ints is_opaque(global const void *palette, int vertex_colors, int packed, Uints face, const Uints *vertex)
 {
     Ints opaque = (Ints)(-1);
-    for (int j = 0; j < (COLOR_RATE_VERTEX ? 3 : 1); ++j) {
-        Uints place = COLOR_RATE_VERTEX ? vertex[j] : face;
-        if (PACKED_COLOR) opaque &= GATHER(palette, 1, place) >> (Uints)(24) == (Uints)(255);
+    PLAIN_LOOP for (int j = 0; j < (vertex_colors ? 3 : 1); ++j) {
+        Uints place = vertex_colors ? vertex[j] : face;
+        if (packed) opaque &= GATHER(palette, 1, place) >> (Uints)(24) == (Uints)(255);
         else opaque &= AS_FLOATS(GATHER((global const float *)palette + 3, 2, 2 * place)) == (Floats)(1.0f);
     }
     return opaque;
 }
 
 kernel void cull_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
-                           int width, int height, global const void *palette, global uchar *states)
+                           int width, int height, global const void *palette, int vertex_colors, int packed,
+                           global uchar *states)
 {
     uint first = get_global_id(0) * WIDE;
     if (first >= face_count) return;
@@ -126,7 +128,7 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint verte
                   : drawn                             ? (Uints)(DRAWN)
                                                       : zero;
     Ints listed = (state == (Uints)(DRAWN)) | (state == (Uints)(CLIPPED));
-    if (MIXED) state |= is_opaque(palette, face, corner) & listed ? (Uints)(OPAQUE) : zero;
+    if (palette) state |= is_opaque(palette, vertex_colors, packed, face, corner) & listed ? (Uints)(OPAQUE) : zero;
     FOR_EACH_ELEMENT states[first + k] = (uchar)INT_OF(state);
 }
 
@@ -139,10 +141,8 @@ kernel void count_states(global const uchar *states, uint face_count, uint chunk
     uint opaque_listed = 0, opaque_clipped = 0, listed = 0, clipped = 0, discarded = 0;
     for (uint face = first; face < last; ++face) {
         uint state = states[face];
-        if (MIXED) {
-            opaque_listed += state == (DRAWN | OPAQUE) || state == (CLIPPED | OPAQUE);
-            opaque_clipped += state == (CLIPPED | OPAQUE);
-        }
+        opaque_listed += state == (DRAWN | OPAQUE) || state == (CLIPPED | OPAQUE);
+        opaque_clipped += state == (CLIPPED | OPAQUE);
         listed += state == DRAWN || state == CLIPPED;
         clipped += state == CLIPPED;
         discarded += state == DISCARDED;
@@ -177,7 +177,7 @@ kernel void list_triangles(global const uchar *states, uint face_count, uint chu
 // --- records --------------------------------------------------------------------------------------------------------
 kernel void setup_triangles(global const uint *faces, uint vertex_count, global const Vertex *vertices,
                             global const uint *listed, uint listed_count, uint opaque_count, int width, int height,
-                            global Triangle *triangles, global ushort4 *bounds, global float *weights)
+                            int perspective, global Triangle *triangles, global ushort4 *bounds, global float *weights)
 {
     uint first = get_global_id(0) * WIDE;
     if (first >= listed_count) return;
@@ -193,11 +193,10 @@ kernel void setup_triangles(global const uint *faces, uint vertex_count, global 
     Arrangement arrangement;
     Uints flags = place < (Uints)(opaque_count) ? (Uints)(OPAQUE) : (Uints)(0);
     make_triangles(corner, source, flags, width, height, first, triangles, bounds, &arrangement);
-#if FRAGMENT_COLOR
+    if (!weights) return;
     Floats share[3][3];
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
-            share[i][j] = i != j ? (Floats)(0.0f) : PERSPECTIVE ? corner[i].depth : (Floats)(1.0f);
+            share[i][j] = i != j ? (Floats)(0.0f) : perspective ? corner[i].depth : (Floats)(1.0f);
     store_weights(weights, first, &arrangement, share);
-#endif
 }

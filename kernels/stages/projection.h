@@ -10,6 +10,11 @@
 
 #include "base/wide.h"
 
+// Whether positions are pairs of floats. Positions that are floats need no second part.
+#ifndef LOW_POSITIONS
+#define LOW_POSITIONS 0
+#endif
+
 typedef struct { float near, far; } DepthRange;
 
 typedef struct { Pair x, y, z, w; } ClipVertex;
@@ -116,7 +121,7 @@ typedef struct {
 // evaluated at the snapped corners, and where triangles cross, the picture is that of the exact ones. `moved` has the
 // barycentric weights of the exact triangle at the snapped corners. It carries colours and normals over in the same
 // way.
-INLINE void make_triangles(const Corner *given, Uints source, Uints flags, int width, int height, uint record,
+OUTLINE void make_triangles(const Corner *given, Uints source, Uints flags, int width, int height, uint record,
                            global Triangle *triangles, global ushort4 *bounds, Arrangement *arrangement)
 {
     // Rotate until the first corner is first, then swap the other two where the area is negative.
@@ -181,7 +186,7 @@ INLINE void make_triangles(const Corner *given, Uints source, Uints flags, int w
 
 // weights[9 record + 3 k + j]: the weight of the face's vertex j at corner k of the record. In perspective it
 // is divided by w, so that interpolation is perspective-correct. share[i][j]: the same at the given corner i.
-INLINE void store_weights(global float *weights, uint record, const Arrangement *arrangement, const Floats share[3][3])
+OUTLINE void store_weights(global float *weights, uint record, const Arrangement *arrangement, const Floats share[3][3])
 {
     FOR_EACH_ELEMENT
         for (int corner = 0; corner < 3; ++corner)

@@ -78,7 +78,7 @@ typedef struct {
 // Prepares the records pairs[at] .. pairs[end - 1], WIDE of them at most, and returns how many. Elements past the last
 // one repeat it. Prefetches the records of the next call. x, y: the lane's first sample of the tile's first block, in
 // subpixels from the image's centre. tile_x, tile_y: the tile's first pixel.
-INLINE uint ready_walks(global const Triangle *triangles, global const uint *pairs, uint at, uint end, int x, int y,
+OUTLINE uint ready_walks(global const Triangle *triangles, global const uint *pairs, uint at, uint end, int x, int y,
                         int tile_x, int tile_y, Walks *w)
 {
     for (uint ahead = at + WIDE; ahead < MIN(at + 2 * WIDE, end); ++ahead) PREFETCH(triangles + pairs[ahead]);
@@ -187,7 +187,7 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
 // visit; tile_x and tile_y, the tile's first pixel; x and y, the lane's first sample in subpixels from the image's
 // centre; and `beyond`, whether the tile reaches beyond the image.
 #define ENTER_TILE                                                                                              \
-    int lane = get_local_id(0);                                                                                 \
+    int lane = LANE;                                                                                            \
     uint list_begin = pair_start[tile], list_end = pair_start[tile + 1];                                        \
     int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE; \
     int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \

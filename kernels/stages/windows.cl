@@ -24,7 +24,7 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 
     for (int own = 0; own < STRIPS_A_LANE; ++own)
         *(local VECTOR(uint) *)(prefix + (own * LANES + lane) * STRIP) = counts[own];
-    barrier(CLK_LOCAL_MEM_FENCE);
+    BARRIER;
     if (lane == 0) {
         uint sum = 0, deepest = 0;
         for (int p = 0; p < TILE_PIXELS; ++p) {
@@ -33,7 +33,7 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
         }
         tile_totals[tile] = (uint2)(sum, deepest);
     }
-    barrier(CLK_LOCAL_MEM_FENCE);
+    BARRIER;
     for (int p = lane; p < TILE_PIXELS; p += LANES) pixel_end[tile * TILE_PIXELS + p] = prefix[p];
 }
 
@@ -52,7 +52,7 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
     VECTOR(uint) next[STRIPS_A_LANE];
     for (int own = 0; own < STRIPS_A_LANE; ++own)
         for (int k = 0; k < STRIP; ++k) {
-            int p = (own * LANES + (int)get_local_id(0)) * STRIP + k;
+            int p = (own * LANES + LANE) * STRIP + k;
             ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) + tile_start[tile] - window_start;
         }
     emit_tile(triangles, pair_start, pairs, tile, pair_start[tile], first_tile, columns, width, height, depth_scale,

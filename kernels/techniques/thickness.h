@@ -37,6 +37,10 @@
 #include "stages/opaque.h"
 #include "fragments/sorting.h"
 
+#ifndef PERSPECTIVE
+#define PERSPECTIVE 1
+#endif
+
 // The length between two crossings, before it is multiplied with parameters[0]. Window depths are linear in depth, and
 // so are distances in parallel projection. The host then compiles without PERSPECTIVE. Else depth is near / distance:
 //   near / b - near / a = near (a - b) / (a b).

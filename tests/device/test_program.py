@@ -10,7 +10,7 @@ from clpeel.device.devices import open_device
 from clpeel.device.layout import Features
 from clpeel.device.program import GROUP, device_seconds, kernel_folder, launch, program, source
 
-FEATURES = Features(1, True, False, "face", True, False)
+FEATURES = Features(1, "face")
 FILES = sorted(
     f"{folder.name}/{entry.name}"
     for folder in kernel_folder().iterdir()
@@ -63,7 +63,7 @@ def test_every_build_is_free_of_warnings(path, lanes, packed, rate, surfaces):
     import pyopencl as cl
 
     gpu = open_device()
-    features = Features(lanes, rate != "scene", rate == "face", rate, packed, rate != "face", surfaces)
+    features = Features(lanes, rate, packed, rate != "face", surfaces)
     options = ["-cl-std=CL1.2", "-cl-opt-disable", *features.options()]  # warnings come before optimization
     built = cl.Program(gpu.context, source(path)).build(options=options)
     log = built.get_build_info(gpu.device, cl.program_build_info.LOG).strip().splitlines()

@@ -111,7 +111,7 @@ def test_keys_order_depths_front_to_back():
     from clpeel.device.program import source
 
     gpu = open_device()
-    features = Features(1, True, False, "scene", True, False)
+    features = Features(1)
     text = source("stages/windows.cl") + (
         "kernel void keys(global const float *depths, global uint *out)"
         "{ int i = get_global_id(0); VECTOR(uint) key = depth_key((VECTOR(float))(depths[i]), 1.0f);"

@@ -125,7 +125,7 @@ def test_half_is_that_of_numpy() -> None:
     text = source("fragments/sums.h") + (
         "kernel void halves(global float16 *values) { int i = get_global_id(0); values[i] = to_half(values[i]); }"
     )
-    built = cl.Program(gpu.context, text).build(options=Features(1, True, False, "scene", True, False).options())
+    built = cl.Program(gpu.context, text).build(options=Features(1).options())
     held = gpu.put("halves", values)
     cl.Kernel(built, "halves")(gpu.queue, (len(values) // 16,), None, held)
     with np.errstate(over="ignore"):
