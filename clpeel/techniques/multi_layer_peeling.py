@@ -137,7 +137,7 @@ class MultiLayerPeeling(Technique[MultiLayerOptions]):
         constants["TORN_WRITES"] = int(options.torn_writes)
         return frame.peel(
             batch,
-            "techniques/multi-layer-hazards.cl",
+            self.kernel,
             options,
             constants,
             layers_a_pass=options.layers_per_pass,

@@ -6,7 +6,8 @@
 //   z_near    the last layer that was peeled: a fragment must be behind it
 //
 // One work-item owns a pixel, so a fragment is inserted before the next one comes. Nothing is lost to concurrent
-// writes, and a pass is never repeated.
+// writes, and a pass is never repeated. With HAZARD_WINDOW, that number of concurrent writes is simulated instead
+// (techniques/multi-layer-hazards.h).
 //
 // Loops over the slots are unrolled explicitly. Where PoCL 3.0's compiler may choose, it gets one of three slots wrong,
 // with strips of fewer than 16 pixels.
@@ -17,11 +18,16 @@
 #endif
 #define PEELED LAYERS_A_PASS
 
+#ifdef HAZARD_WINDOW
+#include "techniques/multi-layer-hazards.h"
+#else
 typedef struct {
     Fragments z_near, slot[LAYERS_A_PASS];
     VECTOR(int) more;
     Colors color;
 } Buffers;
+
+INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->color.alpha); }
 
 INLINE void clear_buffers(Buffers *b)
 {
@@ -63,10 +69,6 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
 
 INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot[i].payload; }
 
-INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
-
-INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->color.alpha); }
-
 // Nothing passes any more where the last slot is empty, or where too little behind it could be seen.
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
@@ -76,6 +78,9 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
     replace(&b->z_near, left, last);
     return b->more & is_there(last) & (b->color.alpha > (VECTOR(float))(0.0f));
 }
+#endif
+
+INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
 
 INLINE void merge(const Buffers *b, Colors *merged)
 {

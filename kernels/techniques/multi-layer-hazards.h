@@ -1,4 +1,4 @@
-// multi-layer-hazards: multi-layer peeling where fragments read and write the same targets at the same time, simulated
+// Multi-layer peeling where fragments read and write the same targets at the same time, simulated
 // so that every run has the same result (Liu, Wei and Xu 2006, "Multi-layer depth peeling via fragment sort", Figures 1
 // and 2, both loops of Table 1).
 //
@@ -17,15 +17,9 @@
 //
 // With torn writes this may never end. What follows from the slots of a pixel is always the same. So there is no end
 // once they come back to what they were. `kept` has the slots after pass 1, 2, 4, 8, ... to compare with (Brent 1980).
-#include "fragments/comparing.h"
+#ifndef HAZARDS_H
+#define HAZARDS_H
 
-#ifndef HAZARD_WINDOW
-#define LAYERS_A_PASS 8
-#define HAZARD_WINDOW 2
-#define HAZARD_ARRIVAL 0
-#define TORN_WRITES 0
-#endif
-#define PEELED LAYERS_A_PASS
 #define REPEATS 1
 #define SAME_DEPTH (BY_DEPTH ? 0xFFFFFFFFul : 0ul)  // the bits in which fragments that count as one may differ
 
@@ -36,6 +30,8 @@ typedef struct {
     VECTOR(int) written;  // where something was written in this pass
     Colors color;
 } Buffers;
+
+INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->color.alpha); }
 
 INLINE void clear_slots(Buffers *b)
 {
@@ -137,8 +133,6 @@ INLINE VECTOR(int) peeled(const Buffers *b, int i)
     return payload;
 }
 
-INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { blend_under(&b->color, colors); }
-
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     VECTOR(int) left = (VECTOR(int))(0);
@@ -152,14 +146,4 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
     return left;
 }
 
-INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->color.alpha); }
-
-INLINE void merge(const Buffers *b, Colors *merged)
-{
-    Colors front;
-    read_color(&b->color, &front);
-    put_over(&front, merged);
-    *merged = front;
-}
-
-#include "frames/many_passes.h"
+#endif
