@@ -244,9 +244,11 @@ def test_what_stopping_early_leaves_out() -> None:
 # --- estimates --------------------------------------------------------------------------------------------------------
 
 
-def test_every_technique_has_a_measured_cost() -> None:
-    rows = [technique.variant(each) for technique in TECHNIQUES.values() for each in technique.variants()]
-    assert COSTS.keys() == set(rows)
+def test_costs_are_those_of_techniques() -> None:
+    """A new technique has none until tools/measure_costs.py has measured it. What auto may choose has one."""
+    rows = {technique.variant(each): technique for technique in TECHNIQUES.values() for each in technique.variants()}
+    assert COSTS.keys() <= rows.keys()
+    assert {row for row, technique in rows.items() if technique.exact} <= COSTS.keys()
     for cost in (*COSTS.values(), ALL_OPAQUE_COST):
         assert isinstance(cost, Cost) and min(cost.__dict__.values()) >= 0 < max(cost.__dict__.values())
 
@@ -257,7 +259,9 @@ def test_estimates_grow_with_what_there_is_to_do(lanes: int) -> None:
     few = clpeel.complexity(soups.stack(np.linspace(1, 7, 4), GLASS).scene(), **call)
     many = clpeel.complexity(soups.stack(np.linspace(1, 7, 64), GLASS).scene(), **call)
     for less, more in zip(few.needs, many.needs, strict=True):
-        assert less.seconds is not None and more.seconds is not None
+        if less.seconds is None or more.seconds is None:
+            assert (less.technique, ()) not in COSTS
+            continue
         assert 0 < less.seconds < more.seconds < 60
 
 
@@ -265,7 +269,9 @@ def test_a_technique_that_was_not_measured_has_no_estimate(monkeypatch: pytest.M
     sort = TECHNIQUES["sort"]
     monkeypatch.delitem(COSTS, sort.variant(sort.options()))
     found = clpeel.complexity(soups.random(1).scene(), BENCH.camera(), (20, 10))
-    assert {need.technique for need in found.needs if need.seconds is None} == {"sort"}
+    for need in found.needs:
+        technique = TECHNIQUES[need.technique]
+        assert (need.seconds is None) == (technique.variant(technique.options()) not in COSTS)
     assert " ? " in format_complexity(found.figures())
 
 
