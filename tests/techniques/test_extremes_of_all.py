@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
-BLENDING = [name for name, technique in TECHNIQUES.items() if "variant" not in technique.option_names]
+BLENDING = [name for name, technique in TECHNIQUES.items() if not technique.maps]
 EXACT = [name for name in BLENDING if TECHNIQUES[name].exact]
 PEELS = 4  # of glowscript
 
