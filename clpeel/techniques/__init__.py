@@ -10,6 +10,7 @@ from clpeel.options import SHARE, Options, option, options_of
 from clpeel.techniques.depth_peeling import DepthPeeling
 from clpeel.techniques.dual_depth_peeling import DualDepthPeeling
 from clpeel.techniques.glowscript import Glowscript
+from clpeel.techniques.layer_count import LayerCount
 from clpeel.techniques.multi_layer_peeling import MultiLayerPeeling
 from clpeel.techniques.precision import Bounded
 from clpeel.techniques.sort import Sort
@@ -34,6 +35,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         Translucency(),
         WeightedAverage(),
         WeightedSum(),
+        LayerCount(),
     )
 }
 
