@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from clpeel.rendering.renderer import render as render
     from clpeel.rendering.result import Result as Result
     from clpeel.rendering.result import Stats as Stats
+    from clpeel.rendering.warm_up import Warmed as Warmed
+    from clpeel.rendering.warm_up import warm_up as warm_up
     from clpeel.scene.camera import Camera as Camera
     from clpeel.scene.scene import Scene as Scene
     from clpeel.study.compare import compare as compare
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from clpeel.study.complexity import Complexity as Complexity
     from clpeel.study.complexity import complexity as complexity
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Modules are imported when a name is first used, because `clpeel --help` needs neither NumPy nor OpenCL.
 _HOMES = {
@@ -40,11 +42,13 @@ _HOMES = {
     "Result": "clpeel.rendering.result",
     "Scene": "clpeel.scene.scene",
     "Stats": "clpeel.rendering.result",
+    "Warmed": "clpeel.rendering.warm_up",
     "compare": "clpeel.study.compare",
     "complexity": "clpeel.study.complexity",
     "load": "clpeel.reading.load",
     "load_layers": "clpeel.pictures.layers",
     "render": "clpeel.rendering.renderer",
+    "warm_up": "clpeel.rendering.warm_up",
 }
 
 __all__ = ["__version__", *_HOMES]

@@ -47,6 +47,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "demo": _in("render", "run_demo"),
     "compare": _in("study", "run_compare"),
     "complexity": _in("study", "run_complexity"),
+    "warm-up": _in("warm_up", "run_warm_up"),
     "techniques": run_table,
     "devices": run_table,
     "report": run_table,

@@ -152,8 +152,13 @@ def add_option(group: argparse._ArgumentGroup, each: Option, default: object = N
 
 def _add_device_options(group: argparse._ArgumentGroup) -> None:
     """Add the device options of all commands that compute."""
-    add = group.add_argument
     add_option(group, PICTURE["memory"])
+    _add_which_device(group)
+
+
+def _add_which_device(group: argparse._ActionsContainer) -> None:
+    """Add the options of the device that kernels are compiled for."""
+    add = group.add_argument
     add("--device", metavar="DEVICE", help="number, or part of a name, as 'clpeel devices' shows them")
     add(
         "--lanes",
@@ -163,7 +168,7 @@ def _add_device_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def _add_messages_options(group: argparse._ArgumentGroup) -> None:
+def _add_messages_options(group: argparse._ActionsContainer) -> None:
     """Add the message options of all commands that compute."""
     add = group.add_argument
     add("--no-progress", action="store_true", help="no progress bar (it shows on a terminal, on long work)")
@@ -185,6 +190,15 @@ def add_complexity_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--opaque", metavar="first|blend", default="first", help=text)
     _add_device_options(group)
     _add_messages_options(parser.add_argument_group("messages"))
+
+
+def add_warm_up_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `warm-up`: what to compile, and for which device."""
+    add = parser.add_argument
+    add("--techniques", type=values.names, metavar="NAME,...", help="only these (default: all)")
+    add("--jobs", type=values.count, metavar="N", help="processes that compile side by side (default: one a core)")
+    _add_which_device(parser)
+    _add_messages_options(parser)
 
 
 def add_compare_options(parser: argparse.ArgumentParser) -> None:

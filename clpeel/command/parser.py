@@ -16,6 +16,7 @@ from clpeel.command.options import (
     add_files,
     add_layers_options,
     add_picture_options,
+    add_warm_up_options,
 )
 from clpeel.errors import InputError
 
@@ -45,6 +46,11 @@ each technique would need: geometry passes, bytes a pixel and, roughly, seconds.
 COMPARE = """\
 Draw mesh files by every technique and set the pictures beside what blending the same fragments in float64 gives, and
 the times beside each other. Ctrl-C ends it with the rows that are finished.
+"""
+
+WARM_UP = """\
+Compile the kernels of common kinds of pictures ahead, and keep them: after an installation, or while an image is built.
+Each kind takes a second or less, which the first picture of that kind then need not wait for.
 """
 
 
@@ -180,6 +186,14 @@ def make_parser() -> Parser:
         description="Render a built-in scene of nested, intersecting, translucent surfaces.",
     )
     add_picture_options(demo, output="demo.png", resolution="1200,900", samples=16)
+
+    warm_up = commands.add_parser(
+        "warm-up",
+        help="compile the common kernels ahead, so that no first picture waits for them",
+        usage="clpeel warm-up [options]",
+        description=WARM_UP,
+    )
+    add_warm_up_options(warm_up)
 
     for name, text in (
         ("techniques", "list the techniques and their options"),

@@ -62,17 +62,22 @@ _new: list[_Built] = []  # programs that have not been written to the cache yet
 _at_work = 0  # how many pictures are being made: meanwhile PoCL may compile, and its files may be incomplete
 
 
+def cache_of(device: cl.Device) -> Cache:
+    """Where the kernels that are compiled for the device are kept."""
+    platform = device.platform
+    return Cache((platform.name, device.name, platform.version, device.version, device.driver_version))
+
+
 def build(context: cl.Context, device: cl.Device, text: str, options: Sequence[str]) -> cl.Program:
     """The program of a kernel source, built for the device. One thread at a time may call it (BUILDING).
 
     Raises DeviceError if PoCL is to compile and has no room for its files.
     """
-    platform = device.platform
-    cache = Cache((platform.name, device.name, platform.version, device.version, device.driver_version))
+    cache = cache_of(device)
     key = key_of(text, *options)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)
-        if "pocl" in platform.version.lower():
+        if "pocl" in device.platform.version.lower():
             return _build_in_workshop(context, text, options, cache, key)
         kept = cache.read(key)
         if kept is not None:
