@@ -1,4 +1,4 @@
-"""The techniques that peel: against `sort`, the passes the papers count, ties, and what stopping early hides."""
+"""All techniques that peel: against `sort`, the passes the papers count, ties, and what stopping early hides."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from twins.soups import AHEAD, BENCH
 
 import clpeel
 from clpeel.techniques import TECHNIQUES
-from clpeel.techniques.multi_layer_peeling import MOST_LAYERS, layers_per_pass
+from clpeel.techniques.multi_layer_peeling import MOST_LAYERS
 
 if TYPE_CHECKING:
     from conftest import Judge
@@ -173,15 +173,6 @@ def test_peeling_stops_behind_an_opaque_layer(technique: str, options: dict[str,
     for result in (first, blend):
         assert (result.color == [0.25, 0.5, 1.0, 1.0]).all()
         assert result.stats["truncated_pixels"] == 0
-
-
-def test_equation_1() -> None:
-    assert layers_per_pass() == layers_per_pass(4, 16, 4, 4) == 8
-    assert layers_per_pass(color_bytes=0) == 16 and layers_per_pass(8, 16, 8, 4) == 10
-    with pytest.raises(
-        clpeel.InputError, match=r"layers_per_pass: expected render targets .* of 32 bytes, got 1 of 16"
-    ):
-        layers_per_pass(1, 16, 16, 16)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Multi-layer peeling under concurrent writes: a twin on lists of integers, the paper's Figures 1 and 2, its bounds."""
+"""multi-layer-peeling: the layers a pass, and concurrent writes: a twin on lists of integers, the paper's figures."""
 
 from __future__ import annotations
 
@@ -14,12 +14,24 @@ from twins.soups import AHEAD, BENCH
 
 import clpeel
 from clpeel.rendering.result import sums
-from clpeel.techniques.multi_layer_peeling import HAZARD_ORDERS
+from clpeel.techniques.multi_layer_peeling import HAZARD_ORDERS, layers_per_pass
 
 if TYPE_CHECKING:
     from conftest import Judge
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
+
+
+def test_equation_1() -> None:
+    assert layers_per_pass() == layers_per_pass(4, 16, 4, 4) == 8
+    assert layers_per_pass(color_bytes=0) == 16 and layers_per_pass(8, 16, 8, 4) == 10
+    with pytest.raises(
+        clpeel.InputError, match=r"layers_per_pass: expected render targets .* of 32 bytes, got 1 of 16"
+    ):
+        layers_per_pass(1, 16, 16, 16)
+
+
+# --- concurrent writes ------------------------------------------------------------------------------------------------
 
 Slots = tuple[int, ...]
 
