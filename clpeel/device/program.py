@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
 from clpeel.device.building import BUILDING, build
 from clpeel.device.devices import Gpu
@@ -21,6 +22,9 @@ from clpeel.device.records import declarations
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _KERNEL = re.compile(r"^kernel void (\w+)\(([^)]*)\)", re.MULTILINE)
 _SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
+
+Arguments = dict[str, cl.Buffer | NDArray[Any] | float | None]
+"""Arguments of a kernel, by the kernel's names for them: buffers, structs (records.py), numbers, NULL."""
 
 GROUP = 64
 """Work-items of a group where the kernel does not care. With a fixed size the compiler can run them side by side."""
@@ -81,7 +85,7 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
                 continue
             words = [re.sub(r"\s+", " ", parameter).strip() for parameter in parameters.split(",")]
             names = tuple(re.split(r"[ *]", word)[-1] for word in words)
-            scalars = tuple(None if "*" in word else _SCALARS[word.split(" ")[0]] for word in words)
+            scalars = tuple(None if "*" in word else _SCALARS.get(word.split(" ")[0]) for word in words)
             kernel = cl.Kernel(built, name)
             kernel.set_scalar_arg_dtypes(scalars)  # set_args then takes a microsecond or two for all
             kernels[name] = Kernel(kernel, names)

@@ -34,6 +34,22 @@ TRIANGLE = np.dtype(
 )
 """A record: what the rasterizer needs of a triangle. It has 64 bytes, a cache line."""
 
+SCREEN = np.dtype(
+    [
+        ("first_tile", np.uint32),  # of the batch, in the picture
+        ("columns", np.int32),  # tiles in a row of the picture
+        ("width", np.int32),  # of the picture, in samples
+        ("height", np.int32),
+        ("depth_scale", np.float32),  # what window depths are multiplied with (depth.h)
+        ("view", np.float32, 3),  # the direction that the camera looks in, of length 1
+    ]
+)
+"""Where a batch's tiles are, and how they are seen: a kernel argument by value.
+
+What compositing needs stays loose: in a struct like this one it made `draw` 3 % slower, and the background as a float4
+made it 2 % slower (PoCL, one lane).
+"""
+
 PEEL_TOTALS = np.dtype(
     [
         ("fragments", np.uint32),
@@ -76,7 +92,7 @@ COUNT_TOTALS = np.dtype(
 TOTALS = {"PEEL": PEEL_TOTALS, "COUNT": COUNT_TOTALS}
 """Totals that kernels keep as arrays of uints. In a kernel, PEEL_LAYERS is the place of `layers` in PEEL_TOTALS."""
 
-STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE}
+STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE, "Screen": SCREEN}
 
 _C_TYPES = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
 

@@ -10,10 +10,10 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from clpeel.device.layout import PADDING, TILE, TILE_PIXELS
-from clpeel.device.program import cut, launch
+from clpeel.device.program import Arguments, cut, launch
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
-from clpeel.stages.projection import Arguments, Triangles, setup_kernels
+from clpeel.stages.projection import Triangles, setup_kernels
 
 STAGE = "binning"
 PAIR_BYTES = 4

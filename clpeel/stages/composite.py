@@ -11,6 +11,7 @@ import pyopencl as cl
 from numpy.typing import DTypeLike, NDArray
 
 from clpeel.checks import Rgb
+from clpeel.device.program import Arguments
 from clpeel.device.workspace import Workspace
 
 Map = NDArray[Any]
@@ -96,7 +97,7 @@ class Picture:
         """Whether nobody else refers to its arrays or to a view of them. Only then may it be drawn over."""
         return self._references() == self._own_references
 
-    def begin(self, side: int, background: Rgb | None) -> dict[str, cl.Buffer | float | None]:
+    def begin(self, side: int, background: Rgb | None) -> Arguments:
         """The arguments of a kernel that composites tiles into the picture (composite.h).
 
         side: a pixel is the mean of side x side samples; a power of two. background: None for straight alpha.
@@ -105,13 +106,10 @@ class Picture:
         self._clamped = self.gpu.put("clamped", np.zeros(1, np.uint32))
         return {
             "side_bits": side.bit_length() - 1,
-            "picture_width": self.size[0],
-            "picture_height": self.size[1],
             "red": red,
             "green": green,
             "blue": blue,
             "has_background": background is not None,
-            "keep_color": self._color is not None,
             "clamped": self._clamped,
             "image": self._image,
             "color": self._color,

@@ -19,7 +19,7 @@ from clpeel.device.layout import (
     DepthFormat,
     Features,
 )
-from clpeel.device.program import Kernel, cut, launch, program
+from clpeel.device.program import Arguments, Kernel, cut, launch, program
 from clpeel.device.records import TRIANGLE, VERTEX
 from clpeel.device.workspace import Workspace
 from clpeel.scene.camera import Camera
@@ -42,9 +42,6 @@ PLANE_SLACK = 2.0**-22
 
 A point exactly on a plane is rounded to float32 three times until its depth is known. This much keeps it inside.
 """
-
-Arguments = dict[str, cl.Buffer | float | None]
-"""Arguments of a kernel, by the kernel's names for them."""
 
 
 @dataclass(frozen=True)
@@ -89,9 +86,6 @@ class Triangles:
             "palette": self.scene.palette,
             "normals": self.scene.normals,
             "weights": self.weights,
-            "view_x": self.view[0],
-            "view_y": self.view[1],
-            "view_z": self.view[2],
         }
 
     @property

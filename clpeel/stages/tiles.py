@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from clpeel.device.layout import TILE
-from clpeel.device.program import Kernel, launch
+from clpeel.device.program import Arguments, Kernel, launch
+from clpeel.device.records import SCREEN
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
 from clpeel.stages.binning import Batch
-from clpeel.stages.projection import Arguments, Triangles
+from clpeel.stages.projection import Triangles
 
 GROUPS_A_UNIT = 16
 """Work-groups for each compute unit, on devices whose units switch between groups. Each group has its own slab."""
@@ -118,15 +119,12 @@ def groups_for(gpu: Workspace, batch: Batch) -> int:
 def walk_arguments(triangles: Triangles, batch: Batch) -> Arguments:
     """The kernel arguments of a walk over a batch's records (walk.h)."""
     width, height = triangles.size
+    screen = (batch.first_tile, -(-width // TILE), width, height, triangles.depth_scale, triangles.view)
     return {
         "triangles": triangles.records,
         "pair_start": batch.pair_start,
         "pairs": batch.pairs,
-        "first_tile": batch.first_tile,
-        "columns": -(-width // TILE),
-        "width": width,
-        "height": height,
-        "depth_scale": triangles.depth_scale,
+        "screen": np.array(screen, SCREEN),
     }
 
 

@@ -47,21 +47,20 @@
 // With REPEATS, each peel has room for `most_repeats` passes in pass_totals, however many it takes: those of peel n
 // begin at n * most_repeats. The word for passes is then 0, or 1 + the number of a pixel whose passes would be repeated
 // without end.
-kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                 uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
-                 float depth_scale, global const uint *faces, global const void *palette, global const float *weights,
-                 global const float *normals, float view_x, float view_y, float view_z, uint most_passes,
-                 uint most_repeats, int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals,
-                 int side_bits, int picture_width, int picture_height, float red, float green,
-                 float blue, int has_background, int keep_color, volatile global uint *clamped, global uint *image,
-                 global float4 *color, global const float *parameters, global float *values)
+kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, Screen screen,
+                 volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette,
+                 global const float *weights, global const float *normals, uint most_passes, uint most_repeats,
+                 int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals, int side_bits,
+                 float red, float green, float blue, int has_background, volatile global uint *clamped,
+                 global uint *image, global float4 *color, global const float *parameters, global float *values)
 {
+    const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
+    const Shading colored = {faces, palette, weights, normals}, *shading = &colored;
     local Colors layer[TILE_PIXELS / STRIP];
 #if VALUES
     local Found found[TILE_PIXELS / STRIP];
 #endif
     local uint taken, totals[PEEL_TOTALS];
-    const float3 view = (float3)(view_x, view_y, view_z);
     const float least_seen = BOUNDED ? parameters[0] : 0.0f;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
     for (;;) {
@@ -79,8 +78,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         uint solid = 0;
         if (MIXED) {
             list_begin = transparent_from(triangles, pairs, list_begin, list_end);
-            solid = draw_opaque(triangles, pair_start, pairs, tile, list_begin, first_tile, columns, width, height, depth_scale,
-                                faces, palette, weights, normals, view, z_far, behind);
+            solid = draw_opaque(batch, shading, tile, list_begin, z_far, behind);
         }
         Buffers buffers[STRIPS_A_LANE];
         VECTOR(int) more[STRIPS_A_LANE], stopped[STRIPS_A_LANE];  // stopped: where least_seen left layers unpeeled
@@ -97,7 +95,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             passed = 0, left_over = false;
             for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own);
             VISITS((1u << TILE_BLOCKS) - 1)
-            VECTOR(uint) key = keys_of(t, weight, depth_scale);
+            VECTOR(uint) key = keys_of(t, weight, screen.depth_scale);
             if (MIXED) {
                 // Skips what lies behind the opaque surface. With BY_DEPTH it also skips what lies exactly on it.
                 VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
@@ -137,8 +135,8 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                     VECTOR(int) payload = peeled(buffers + own, i), present = payload >= (VECTOR(int))(0);
                     if (BITS_OF(present) == 0) continue;
                     layers[own] -= PASTE(as_, VECTOR(uint))(present);
-                    colors_of(PASTE(as_, VECTOR(uint))(payload), own * LANES + lane, tile_x, tile_y, width, height, triangles,
-                              pairs, faces, palette, weights, normals, view, &colors);
+                    colors_of(PASTE(as_, VECTOR(uint))(payload), own * LANES + lane, tile_x, tile_y, batch, shading,
+                              &colors);
                     blend_peeled(buffers + own, i, &colors);
                 }
                 more[own] = end_pass(buffers + own, least_seen);
@@ -186,11 +184,13 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         atomic_add(totals + PEEL_OPAQUE, solid);
         BARRIER;
         for (int k = lane; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];
-        uint beyond_one = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
-                                         blue, has_background, keep_color, image, color);
+        uint beyond_one = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
+                                         screen.height >> side_bits, (float4)(red, green, blue, (float)has_background),
+                                         image, color);
         if (beyond_one) atomic_add(clamped, beyond_one);
 #if VALUES
-        store_values(found, first_tile + tile, columns, side_bits, picture_width, picture_height, values);
+        store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
+                         screen.height >> side_bits, values);
 #endif
         if (lane == 0) add_long(pass_totals + 4 * most_passes, TICKS() - entered);
         BARRIER;

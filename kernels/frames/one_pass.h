@@ -36,15 +36,15 @@ INLINE void put_where(VECTOR(int) here, const Colors *strip, local Colors *place
 // put that number into tile_totals. rows, slab: layers of a strip, and fragments of a group, that there is room for.
 // tile_totals, one for each tile of the batch: x fragments, y layers of the deepest pixel, z samples with an opaque
 // surface.
-kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                 uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
-                 float depth_scale, global const uint *faces, global const void *palette, global const float *weights,
-                 global const float *normals, float view_x, float view_y, float view_z, uint layers_before, uint rows,
-                 uint slab, global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
-                 int side_bits, int picture_width, int picture_height, float red, float green, float blue,
-                 int has_background, int keep_color, volatile global uint *clamped, global uint *image,
-                 global float4 *color, global const float *parameters, global float *values)
+kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, Screen screen,
+                 volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette,
+                 global const float *weights, global const float *normals, uint layers_before, uint rows, uint slab,
+                 global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
+                 int side_bits, float red, float green, float blue, int has_background, volatile global uint *clamped,
+                 global uint *image, global float4 *color, global const float *parameters, global float *values)
 {
+    const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
+    const Shading colored = {faces, palette, weights, normals}, *shading = &colored;
     local Colors layer[TILE_PIXELS / STRIP];
 #if VALUES
     local Found found[TILE_PIXELS / STRIP];
@@ -54,7 +54,6 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     local uint ends[TILE_PIXELS] __attribute__((aligned(64)));
     local uint taken, total, deepest, solid;
     const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
-    const float3 view = (float3)(view_x, view_y, view_z);
     uint lane = LANE, held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
     size_t own_slab = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
     fragments += own_slab;
@@ -71,8 +70,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         Colors behind[STRIPS_A_LANE];
         if (MIXED && wanted) {
             begin = transparent_from(triangles, pairs, begin, end);
-            uint samples = draw_opaque(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, depth_scale,
-                                       faces, palette, weights, normals, view, z_far, behind);
+            uint samples = draw_opaque(batch, shading, tile, begin, z_far, behind);
             atomic_add(&solid, samples);
         }
         bool empty = begin == end;
@@ -105,8 +103,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                         ((uint *)(next + own))[k] = ends[p] != begin ? begin - start : slab;
                     }
             }
-            emit_tile(triangles, pair_start, pairs, tile, begin, first_tile, columns, width, height, depth_scale, blocks,
-                      z_far, &layout, next, faces, palette, weights, normals, view, fragments, colors, 0);
+            emit_tile(batch, shading, tile, begin, blocks, z_far, &layout, next, fragments, colors, 0);
 
             uint sum = 0, most = 0;
             for (uint own = 0; own < STRIPS_A_LANE; ++own) {
@@ -167,11 +164,13 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         BARRIER;
         if (empty && lane == 0) tile_totals[tile] = (uint4)(0, 0, solid, 0);
         if (wanted && deepest + LIST_GAP <= slab) {
-            uint beyond = composite_tile(layer, first_tile + tile, columns, side_bits, picture_width, picture_height, red, green,
-                                         blue, has_background, keep_color, image, color);
+            uint beyond = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
+                                         screen.height >> side_bits, (float4)(red, green, blue, (float)has_background),
+                                         image, color);
             if (beyond) atomic_add(clamped, beyond);
 #if VALUES
-            store_values(found, first_tile + tile, columns, side_bits, picture_width, picture_height, values);
+            store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
+                         screen.height >> side_bits, values);
 #endif
         }
         BARRIER;

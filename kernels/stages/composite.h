@@ -79,12 +79,13 @@ typedef uint4 RowBytes __attribute__((aligned(4)));
 typedef float16 RowColors __attribute__((aligned(16)));
 
 // tile: its number in the picture. layer: its strips. side_bits: log2 of `side`. width, height: of the picture, in
-// pixels. color: premultiplied colours and alpha without the background, written if keep_color. Returns how many of
-// the lane's pixels have a negative transmittance, so that their colours are clamped.
-INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height, float red,
-                           float green, float blue, int has_background, int keep_color, global uint *image,
-                           global float4 *color)
+// pixels. background: red, green, blue, and 1; all 0 for straight alpha. color: premultiplied colours and alpha without
+// the background, or NULL if nobody wants them. Returns how many of the lane's pixels have a negative transmittance, so
+// that their colours are clamped.
+INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height,
+                           float4 background, global uint *image, global float4 *color)
 {
+    const float red = background.x, green = background.y, blue = background.z;
     uint bits = TILE_BITS - side_bits, side = 1u << side_bits, clamped = 0;
     uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
     bool whole = side == 1 && left + TILE <= (uint)width && top + TILE <= (uint)height;
@@ -100,7 +101,7 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
         VECTOR(float) alpha = 1.0f - pixel.alpha;
         Colors shown = {pixel.red + pixel.alpha * red, pixel.green + pixel.alpha * green, pixel.blue + pixel.alpha * blue,
                         (VECTOR(float))(1.0f)};
-        if (!has_background) {
+        if (background.w == 0.0f) {
             VECTOR(int) some = alpha > (VECTOR(float))(0.0f);
             shown.red = some ? pixel.red / alpha : (VECTOR(float))(0.0f);
             shown.green = some ? pixel.green / alpha : (VECTOR(float))(0.0f);
@@ -119,7 +120,7 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
                 float4 r = ((const float4 *)&pixel.red)[k], g = ((const float4 *)&pixel.green)[k];
                 float4 b = ((const float4 *)&pixel.blue)[k], a = ((const float4 *)&alpha)[k];
                 *(global RowBytes *)(image + at) = ((const uint4 *)&bytes)[k];
-                if (!keep_color) continue;
+                if (!color) continue;
                 float16 row = (float16)(r.x, g.x, b.x, a.x, r.y, g.y, b.y, a.y, r.z, g.z, b.z, a.z, r.w, g.w, b.w, a.w);
                 if ((size_t)(color + at) % sizeof(row) == 0) STORE_LINE((global float16 *)(color + at), row);
                 else *(global RowColors *)(color + at) = row;
@@ -136,7 +137,7 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
             if (p >= 1u << 2 * bits || x >= (uint)width || y >= (uint)height) continue;
             size_t at = (size_t)y * width + x;
             image[at] = ((const uint *)&bytes)[k];
-            if (keep_color)
+            if (color)
                 color[at] = (float4)(((const float *)&pixel.red)[k], ((const float *)&pixel.green)[k],
                                      ((const float *)&pixel.blue)[k], ((const float *)&alpha)[k]);
             clamped += ((const int *)&below)[k] != 0;

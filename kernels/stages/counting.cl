@@ -17,9 +17,10 @@
 //                  pixel; samples with an opaque surface; fragments of all surfaces, whatever lies in front, and those
 //                  of the deepest pixel; strips visited for transparent records, and for opaque ones; opaque records
 kernel void count_layers(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                         uint first_tile, volatile global uint *next_tile, uint to_tile, int columns, int width, int height,
-                         float depth_scale, global const uint *chosen, global uint *layers, global uint *tile_totals)
+                         Screen screen, volatile global uint *next_tile, uint to_tile, global const uint *chosen,
+                         global uint *layers, global uint *tile_totals)
 {
+    const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     local uint taken, totals[COUNT_TOTALS];
     for (;;) {
         if (LANE == 0) {
@@ -44,7 +45,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
             VISITS((1u << TILE_BLOCKS) - 1)
             ++opaque_visits;
             all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
-            VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
+            VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, screen.depth_scale)) << (VECTOR(ulong))(32);
             fragment |= (VECTOR(ulong))((ulong)t->source);
             fragment = CONVERT(long, STRIP, covered) ? fragment : (VECTOR(ulong))(ABSENT);
             z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
@@ -56,7 +57,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
             ++visits;
             if (MIXED) {
                 all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
-                VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
+                VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, screen.depth_scale)) << (VECTOR(ulong))(32);
                 covered &= CONVERT(int, STRIP, (fragment | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block)]);
             }
             front[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);

@@ -25,18 +25,16 @@ INLINE uint transparent_from(global const Triangle *triangles, global const uint
 // Draws the tile's opaque records, which are those of its list before `until`, for each of the lane's strips. Pixels
 // with one get it as z_far, and its colour and transmittance 0 as `behind`. Others get ABSENT, colour 0 and
 // transmittance 1. Returns how many samples have an opaque surface.
-OUTLINE uint draw_opaque(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, uint tile,
-                        uint until, uint first_tile, int columns, int width, int height, float depth_scale,
-                        global const uint *faces, global const void *palette, global const float *weights,
-                        global const float *normals, float3 view,
-                        VECTOR(ulong) *z_far, Colors *behind)
+OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile, uint until, VECTOR(ulong) *z_far,
+                         Colors *behind)
 {
+    const Batch own_batch = *records, *batch = &own_batch;  // a copy that nothing else can change
     ENTER_TILE
     list_end = until;
     uint samples = 0;
     for (int own = 0; own < STRIPS_A_LANE; ++own) z_far[own] = (VECTOR(ulong))(ABSENT);
     VISITS((1u << TILE_BLOCKS) - 1)
-    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
+    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
     fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
     fragment = CONVERT(long, STRIP, covered) ? fragment : (VECTOR(ulong))(ABSENT);
     z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
@@ -46,15 +44,15 @@ OUTLINE uint draw_opaque(global const Triangle *triangles, global const uint *pa
         samples += POPCOUNT(BITS_OF(found));
         behind[own].red = behind[own].green = behind[own].blue = (VECTOR(float))(0.0f);
         if (BITS_OF(found))
-            colors_of(CONVERT(uint, STRIP, z_far[own]), own * LANES + lane, tile_x, tile_y, width, height, triangles, pairs, faces, palette, weights,
-                      normals, view, behind + own);
+            colors_of(CONVERT(uint, STRIP, z_far[own]), own * LANES + lane, tile_x, tile_y, batch, shading,
+                      behind + own);
         store_color(behind + own, behind + own);
         read_color(behind + own, behind + own);
         behind[own].alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
         for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)  // the payload: from a record's place to its submission index
             if (((const int *)&found)[k]) {
                 ulong *nearest = (ulong *)(z_far + own) + k;
-                *nearest = *nearest >> 32 << 32 | triangles[pairs[(uint)*nearest]].source;
+                *nearest = *nearest >> 32 << 32 | batch->triangles[batch->pairs[(uint)*nearest]].source;
             }
     }
     return samples;

@@ -183,13 +183,24 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
 }
 
 // --- the walk itself ------------------------------------------------------------------------------------------------
-// What every walk begins with. tile: its number in the batch. It sets list_begin and list_end, the places in `pairs` to
+// The records of a batch of tiles: those of a tile are triangles[pairs[pair_start[tile]]] and so on.
+typedef struct {
+    global const Triangle *triangles;
+    global const uint *pair_start, *pairs;
+    Screen screen;
+} Batch;
+
+#define VIEW(batch) ((float3)((batch)->screen.view[0], (batch)->screen.view[1], (batch)->screen.view[2]))
+
+// What every walk begins with. batch: a pointer to its records. tile: its number in the batch. It sets list_begin and list_end, the places in `pairs` to
 // visit; tile_x and tile_y, the tile's first pixel; x and y, the lane's first sample in subpixels from the image's
 // centre; and `beyond`, whether the tile reaches beyond the image.
 #define ENTER_TILE                                                                                              \
-    int lane = LANE;                                                                                            \
-    uint list_begin = pair_start[tile], list_end = pair_start[tile + 1];                                        \
-    int tile_x = (int)((first_tile + tile) % columns) * TILE, tile_y = (int)((first_tile + tile) / columns) * TILE; \
+    int lane = LANE, width = batch->screen.width, height = batch->screen.height;                                \
+    uint list_begin = batch->pair_start[tile], list_end = batch->pair_start[tile + 1];                          \
+    uint tile_number = batch->screen.first_tile + tile;                                                         \
+    int tile_x = (int)(tile_number % batch->screen.columns) * TILE;                                             \
+    int tile_y = (int)(tile_number / batch->screen.columns) * TILE;                                             \
     int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
     bool beyond = tile_x + TILE > width || tile_y + TILE > height;
 
@@ -203,13 +214,13 @@ INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left
 #define VISITS(wanted)                                                                                          \
     for (uint at = list_begin; at < list_end; at += WIDE) {                                                     \
         Walks walks;                                                                                            \
-        uint ready = ready_walks(triangles, pairs, at, list_end, x, y, tile_x, tile_y, &walks);                 \
+        uint ready = ready_walks(batch->triangles, batch->pairs, at, list_end, x, y, tile_x, tile_y, &walks);   \
         for (uint n = 0; n < ready; ++n) {                                                                      \
             if (!((uint)((const int *)&walks.blocks)[n] & (wanted) & LANE_BLOCKS)) continue;                    \
             Walk w;                                                                                             \
             walk_of(&walks, n, &w);                                                                             \
             uint place = at + n;                                                                                \
-            global const Triangle *t = triangles + pairs[place];                                                \
+            global const Triangle *t = batch->triangles + batch->pairs[place];                                  \
             for (uint left = blocks_met(&walks, n, &w, lane) & (wanted); left; left &= left - 1) {              \
                 int block = LOWEST_BIT(left);                                                                   \
                 VECTOR(float) weight[3];                                                                        \
@@ -229,6 +240,14 @@ INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight
     depth = MIN(depth, (VECTOR(float))(t->depth_max));
     return depth_key(depth, depth_scale);
 }
+
+// What the colours of a batch's fragments are computed from: as given (fragments/colors.h), and where they vary over a
+// face, the corners' shares (stages/projection.h, store_weights) and the normals of vertices.
+typedef struct {
+    global const uint *faces;
+    global const void *palette;
+    global const float *weights, *normals;
+} Shading;
 
 #if FRAGMENT_COLOR
 // --- colours that vary over a face ----------------------------------------------------------------------------------
@@ -278,13 +297,12 @@ INLINE Reals square_root(Reals value)
 
 // Colours of a record at SHADED pixels. weight: their barycentric weights, times twice the area. source: its face.
 // view: the direction that the camera looks in, of length 1.
-INLINE void shade(const Reals weight[3], uint record, uint source, global const uint *faces, global const void *palette,
-                  global const float *weights, global const float *normals, float3 view, Shades *shades)
+INLINE void shade(const Reals weight[3], uint record, uint source, const Shading *shading, float3 view, Shades *shades)
 {
     Reals vertex_weight[3];  // of the face's three vertices; divided by their sum below
     for (int j = 0; j < 3; ++j) {
         vertex_weight[j] = (Reals)(0.0f);
-        for (int c = 0; c < 3; ++c) vertex_weight[j] += weight[c] * weights[9 * record + 3 * c + j];
+        for (int c = 0; c < 3; ++c) vertex_weight[j] += weight[c] * shading->weights[9 * record + 3 * c + j];
         // Snapping moves corners by up to 1/512 pixel, so a weight can be slightly negative. Clamping it keeps the
         // colour within the colours of the corners.
         vertex_weight[j] = MAX(vertex_weight[j], (Reals)(0.0f));
@@ -292,18 +310,18 @@ INLINE void shade(const Reals weight[3], uint record, uint source, global const 
     Reals a = vertex_weight[0], b = vertex_weight[1], c = vertex_weight[2];
     Reals scale = 1.0f / (a + b + c);
     a *= scale, b *= scale, c *= scale;
-    uint3 face = load_face(faces, source);
+    uint3 face = load_face(shading->faces, source);
 #if COLOR_RATE_VERTEX
-    float4 p = palette_color(palette, face.x), q = palette_color(palette, face.y), r = palette_color(palette, face.z);
+    float4 p = palette_color(shading->palette, face.x), q = palette_color(shading->palette, face.y), r = palette_color(shading->palette, face.z);
     shades->red = a * p.x + b * q.x + c * r.x, shades->green = a * p.y + b * q.y + c * r.y;
     shades->blue = a * p.z + b * q.z + c * r.z, shades->alpha = a * p.w + b * q.w + c * r.w;
 #else
-    float4 color = palette_color(palette, COLOR_RATE_FACE ? source : 0);
+    float4 color = palette_color(shading->palette, COLOR_RATE_FACE ? source : 0);
     shades->red = (Reals)(color.x), shades->green = (Reals)(color.y);
     shades->blue = (Reals)(color.z), shades->alpha = (Reals)(color.w);
 #endif
 #if HEADLIGHT
-    float3 n_a = load3(normals, face.x), n_b = load3(normals, face.y), n_c = load3(normals, face.z);
+    float3 n_a = load3(shading->normals, face.x), n_b = load3(shading->normals, face.y), n_c = load3(shading->normals, face.z);
     Reals n_x = a * n_a.x + b * n_b.x + c * n_c.x, n_y = a * n_a.y + b * n_b.y + c * n_c.y;
     Reals n_z = a * n_a.z + b * n_b.z + c * n_c.z;
     Reals length2 = n_x * n_x + n_y * n_y + n_z * n_z, facing = n_x * view.x + n_y * view.y + n_z * view.z;
@@ -328,9 +346,7 @@ INLINE float4 shade_of(const Shades *shades, int k)
 // The colours of a strip's fragments whose colours are not stored with them. payload: the fragment's face, where faces
 // have one colour; else the place of its record in `pairs`, and the colour is computed here. Pixels whose payload is
 // that of ABSENT get 0, alpha too.
-INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, int width, int height,
-                      global const Triangle *triangles, global const uint *pairs, global const uint *faces,
-                      global const void *palette, global const float *weights, global const float *normals, float3 view,
+INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, const Batch *batch, const Shading *shading,
                       Colors *colors)
 {
 #if FRAGMENT_COLOR
@@ -345,15 +361,15 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, i
         }
         while (left) {  // one record a turn; mostly there is only one
             uint at = places[first + LOWEST_BIT(left)], same = 0;
-            global const Triangle *t = triangles + pairs[at];
+            global const Triangle *t = batch->triangles + batch->pairs[at];
             for (int k = 0; k < SHADED; ++k) same |= (uint)(places[first + k] == at) << k;
             int pixel = strip * STRIP + first, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
-            int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, width);
-            int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, height);
+            int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, batch->screen.width);
+            int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, batch->screen.height);
             Reals weight[3];
             weights_at(t, x, y, weight);
             Shades shades;
-            shade(weight, pairs[at], t->source, faces, palette, weights, normals, view, &shades);
+            shade(weight, batch->pairs[at], t->source, shading, VIEW(batch), &shades);
             for (left &= ~same; same; same &= same - 1) {
                 int k = LOWEST_BIT(same);
                 float4 color = shade_of(&shades, k);
@@ -364,7 +380,7 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, i
     }
 #else
     VECTOR(ulong) fragment = CONVERT(ulong, STRIP, payload);
-    fetch_colors(&fragment, 1, palette, colors);
+    fetch_colors(&fragment, 1, shading->palette, colors);
 #endif
 }
 
@@ -381,17 +397,14 @@ typedef struct { uint step, room, strip_room; } Layout;
 // are MIXED, only those in front of z_far are emitted (stages/opaque.h). At the end each `next` is what it would be
 // with room for all, so it tells how many fragments there are. sources: where fragments have colours of their own,
 // receives their faces; NULL if nobody wants them.
-INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                      uint tile, uint begin, uint first_tile, int columns, int width, int height, float depth_scale,
-                      uint blocks, const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next,
-                      global const uint *faces, global const void *palette, global const float *weights,
-                      global const float *normals, float3 view, global ulong *fragments, global float4 *colors,
-                      global uint *sources)
+INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uint begin, uint blocks,
+                      const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next, global ulong *fragments,
+                      global float4 *colors, global uint *sources)
 {
     ENTER_TILE
     list_begin = begin;
     VISITS(blocks)
-    VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, depth_scale)) << (VECTOR(ulong))(32);
+    VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
 #if MIXED
     covered &= CONVERT(int, STRIP, (value | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block)]);
 #endif
@@ -405,7 +418,7 @@ INLINE void emit_tile(global const Triangle *triangles, global const uint *pair_
         Reals at_samples[3];
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = ((const Reals *)(weight + j))[first / SHADED];
         Shades shades;
-        shade(at_samples, pairs[place], t->source, faces, palette, weights, normals, view, &shades);
+        shade(at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades);
         for (; bits; bits &= bits - 1) {
             int k = first + LOWEST_BIT(bits);
             uint to = ((uint *)places)[k];

@@ -8,10 +8,10 @@
 //   tile_totals   fragments of the tile, and fragments of its deepest pixel
 #include "stages/walk.h"
 
-kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start,
-                            global const uint *pairs, uint first_tile, int columns, int width,
-                            int height, float depth_scale, global uint *pixel_end, global uint2 *tile_totals)
+kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
+                            Screen screen, global uint *pixel_end, global uint2 *tile_totals)
 {
+    const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
     ENTER_TILE
@@ -40,13 +40,13 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 // A window is a run of the batch's fragments, of whole tiles or of some pixels of one tile. Places are relative to its
 // first fragment, modulo 2^32. A pixel outside of the window starts beyond `capacity`, so it emits nothing.
 kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                           uint first_tile, uint window_tile, int columns, int width, int height,
-                           float depth_scale, global const uint *pixel_end, global const uint *tile_start,
-                           uint window_start, uint capacity,
-                           global const uint *faces, global const void *palette, global const float *weights,
-                           global const float *normals, float view_x, float view_y, float view_z,
-                           global ulong *fragments, global float4 *colors, global uint *sources)
+                           Screen screen, uint window_tile, global const uint *pixel_end, global const uint *tile_start,
+                           uint window_start, uint capacity, global const uint *faces, global const void *palette,
+                           global const float *weights, global const float *normals, global ulong *fragments,
+                           global float4 *colors, global uint *sources)
 {
+    const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
+    const Shading colored = {faces, palette, weights, normals}, *shading = &colored;
     uint tile = window_tile + get_group_id(0);
     const Layout lists = {1, capacity, 0};
     VECTOR(uint) next[STRIPS_A_LANE];
@@ -55,6 +55,5 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
             int p = (own * LANES + LANE) * STRIP + k;
             ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) + tile_start[tile] - window_start;
         }
-    emit_tile(triangles, pair_start, pairs, tile, pair_start[tile], first_tile, columns, width, height, depth_scale,
-              0xFFFF, 0, &lists, next, faces, palette, weights, normals, (float3)(view_x, view_y, view_z), fragments, colors, sources);
+    emit_tile(batch, shading, tile, pair_start[tile], 0xFFFF, 0, &lists, next, fragments, colors, sources);
 }
