@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from clpeel.version import VERSION
+
 if TYPE_CHECKING:
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from clpeel.study.complexity import Complexity as Complexity
     from clpeel.study.complexity import complexity as complexity
 
-__version__ = "0.2.0"
+__version__ = VERSION
 
 # Modules are imported when a name is first used, because `clpeel --help` needs neither NumPy nor OpenCL.
 _HOMES = {

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "clpeel"
-ROOT = ("errors", "checks", "color", "options", "files")
+ROOT = ("errors", "checks", "color", "options", "files", "version")
 """Modules of the top level that everybody may import; they import one another alone."""
 
 STAIRS: dict[str, tuple[str, ...]] = {
@@ -27,7 +27,7 @@ STAIRS: dict[str, tuple[str, ...]] = {
 }
 """What each package may import besides the root and itself. Nothing here runs up."""
 
-INSIDE_FUNCTIONS = {"techniques": ("scene", "pictures"), "device": ("",), "command": ("",), "pictures": ("",)}
+INSIDE_FUNCTIONS = {"techniques": ("scene", "pictures"), "command": ("",), "pictures": ("",)}
 """What a package may import besides where it is needed, late; "" is clpeel itself, for its version or public names."""
 
 FOR_TYPES = {"techniques": ("stages",), "rendering": ("",), "study": ("",), "scene": ("",)}

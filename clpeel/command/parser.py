@@ -142,74 +142,57 @@ def make_parser() -> Parser:
         title="commands", dest="command", metavar="COMMAND", parser_class=Parser, prog="clpeel"
     )
 
-    render = commands.add_parser(
+    def command(name: str, text: str, usage: str, description: str, epilog: str | None = None) -> Parser:
+        usage = f"clpeel {name} {usage}"
+        return commands.add_parser(name, help=text, usage=usage, description=description, epilog=epilog)
+
+    render = command(
         "render",
-        help="render mesh files to a PNG",
-        usage="clpeel render FILE... [-o OUT.png] [options]",
-        description="Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one PNG.",
-        epilog=EXAMPLES,
+        "render mesh files to a PNG",
+        "FILE... [-o OUT.png] [options]",
+        "Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one PNG.",
+        EXAMPLES,
     )
     add_files(render, "drawn")
     add_picture_options(render, output="clpeel.png", resolution="1024,1024", samples=1)
 
-    layers = commands.add_parser(
-        "layers",
-        help="peel mesh files: a PNG for each layer, front to back, and one .npz with all",
-        usage="clpeel layers FILE... [-o DIR] [options]",
-        description=LAYERS,
-    )
+    text = "peel mesh files: a PNG for each layer, front to back, and one .npz with all"
+    layers = command("layers", text, "FILE... [-o DIR] [options]", LAYERS)
     add_files(layers, "peeled")
     add_layers_options(layers)
 
-    complexity = commands.add_parser(
-        "complexity",
-        help="count layers: a heat map, a histogram, and what each technique would need",
-        usage="clpeel complexity FILE... [-o OUT.png] [options]",
-        description=COMPLEXITY,
-    )
+    text = "count layers: a heat map, a histogram, and what each technique would need"
+    complexity = command("complexity", text, "FILE... [-o OUT.png] [options]", COMPLEXITY)
     add_files(complexity, "counted")
     add_complexity_options(complexity)
 
-    compare = commands.add_parser(
-        "compare",
-        help="compare the techniques: time, memory, and error against float64",
-        usage="clpeel compare FILE... [--html FILE] [options]",
-        description=COMPARE,
-    )
+    text = "compare the techniques: time, memory, and error against float64"
+    compare = command("compare", text, "FILE... [--html FILE] [options]", COMPARE)
     add_files(compare, "drawn")
     add_compare_options(compare)
 
-    demo = commands.add_parser(
-        "demo",
-        help="render a built-in scene to demo.png",
-        usage="clpeel demo [-o OUT.png] [options]",
-        description="Render a built-in scene of nested, intersecting, translucent surfaces.",
-    )
+    text = "Render a built-in scene of nested, intersecting, translucent surfaces."
+    demo = command("demo", "render a built-in scene to demo.png", "[-o OUT.png] [options]", text)
     add_picture_options(demo, output="demo.png", resolution="1200,900", samples=16)
 
-    warm_up = commands.add_parser(
-        "warm-up",
-        help="compile the common kernels ahead, so that no first picture waits for them",
-        usage="clpeel warm-up [options]",
-        description=WARM_UP,
-    )
-    add_warm_up_options(warm_up)
+    text = "compile the common kernels ahead, so that no first picture waits for them"
+    add_warm_up_options(command("warm-up", text, "[options]", WARM_UP))
 
     for name, text in (
         ("techniques", "list the techniques and their options"),
         ("devices", "list the OpenCL devices"),
         ("report", "print versions and devices, for a bug report"),
     ):
-        command = commands.add_parser(name, help=text, description=text.capitalize() + ".", usage=f"clpeel {name}")
-        command.add_argument("--verbose", action="store_true", help="on an error, show the whole trace")
+        table = commands.add_parser(name, help=text, description=text.capitalize() + ".", usage=f"clpeel {name}")
+        table.add_argument("--verbose", action="store_true", help="on an error, show the whole trace")
 
     for action in _options(parser):
         parser.known.update(action.option_strings)
         if action.nargs is None:
             parser.valued.update(dict.fromkeys(action.option_strings, action.option_strings[0]))
     parser.commands = commands.choices
-    for command in parser.commands.values():
-        command.known = parser.known
+    for each in parser.commands.values():
+        each.known = parser.known
     return parser
 
 

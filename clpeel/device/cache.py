@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from functools import cache as remembered
 from pathlib import Path
 
+from clpeel import version
 from clpeel.errors import InputError
 from clpeel.files import open_at_once, write_whole
 
@@ -53,9 +54,7 @@ class Cache:
 
     def __init__(self, device: Sequence[str]) -> None:
         """device: texts that together identify the device and its driver. The first two appear in the folder's name."""
-        from clpeel import __version__
-
-        told = (__version__, *device, _processor())
+        told = (version.VERSION, *device, _processor())
         readable = "-".join(re.sub(r"[^\w.]+", "-", text).strip("-")[:40] for text in told[:3])
         self.folder = root() / f"{readable}-{key_of(_FORMAT, *told)[:16]}"
 

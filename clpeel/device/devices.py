@@ -18,8 +18,6 @@ INSTALL_HINT = (
     "or 'apt install pocl-opencl-icd', or a driver for your GPU"
 )
 
-Gpu = Workspace
-
 KINDS = {"cpu": cl.device_type.CPU, "gpu": cl.device_type.GPU, "accelerator": cl.device_type.ACCELERATOR}
 
 CPU_LANES, GPU_LANES = 1, 64

@@ -15,9 +15,9 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from clpeel.device.building import BUILDING, build
-from clpeel.device.devices import Gpu
 from clpeel.device.layout import Features
 from clpeel.device.records import declarations
+from clpeel.device.workspace import Workspace
 
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _KERNEL = re.compile(r"^kernel void (\w+)\(([^)]*)\)", re.MULTILINE)
@@ -66,7 +66,7 @@ def source(path: str) -> str:
     return declarations() + expand(path)
 
 
-def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str, Kernel]:
+def program(gpu: Workspace, path: str, features: Features, **defines: int) -> dict[str, Kernel]:
     """The kernels of a file by name, compiled for these features and further constants (`defines`).
 
     They are compiled once for each device and process. Raises DeviceError if there is no room to compile in (build).
@@ -94,7 +94,7 @@ def program(gpu: Gpu, path: str, features: Features, **defines: int) -> dict[str
     return found
 
 
-def build_options(gpu: Gpu, features: Features, defines: dict[str, int]) -> list[str]:
+def build_options(gpu: Workspace, features: Features, defines: dict[str, int]) -> list[str]:
     """The options of the compiler."""
     options = ["-cl-std=CL1.2", "-w", *features.options(), *(f"-D{name}={value}" for name, value in defines.items())]
     if gpu.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
@@ -102,7 +102,7 @@ def build_options(gpu: Gpu, features: Features, defines: dict[str, int]) -> list
     return options
 
 
-def cut(gpu: Gpu, items: int, most: int | None = None) -> tuple[int, int]:
+def cut(gpu: Workspace, items: int, most: int | None = None) -> tuple[int, int]:
     """Cuts items into chunks of consecutive ones, a work-item for each chunk.
 
     most: the most chunks, at least 1. Returns how many items a chunk has, and how many chunks there are.
@@ -112,7 +112,7 @@ def cut(gpu: Gpu, items: int, most: int | None = None) -> tuple[int, int]:
     return size, -(-max(items, 1) // size)
 
 
-def launch(gpu: Gpu, stage: str, kernel: Kernel, groups: int, lanes: int | None = None, **arguments: Any) -> None:
+def launch(gpu: Workspace, stage: str, kernel: Kernel, groups: int, lanes: int | None = None, **arguments: Any) -> None:
     """Enqueues a kernel: `groups` work-groups of `lanes` work-items or, if lanes is None, `groups` work-items.
 
     The number of work-items is then rounded up to a multiple of GROUP. stage: the stage that the time counts for.
@@ -130,7 +130,7 @@ def launch(gpu: Gpu, stage: str, kernel: Kernel, groups: int, lanes: int | None 
     gpu.events.append((stage, kernel.kernel.function_name, event))
 
 
-def device_seconds(gpu: Gpu) -> tuple[dict[str, float], dict[str, float]]:
+def device_seconds(gpu: Workspace) -> tuple[dict[str, float], dict[str, float]]:
     """Seconds of each stage and of each kernel since the last call, by the device's clock. Waits for the queue."""
     gpu.queue.finish()
     stages: dict[str, float] = {}

@@ -187,7 +187,8 @@ def load_layers(path: str | os.PathLike[str]) -> Layers:
     """
     name = os.fspath(path)
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # NumPy leaves a file open that it has opened and cannot read, so it is opened here.
+        with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
             found = {key: file[key] for key in ("format", "size", *_ARRAYS)}
     except FileNotFoundError:
         raise InputError(f"{name}: no such file") from None

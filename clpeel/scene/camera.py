@@ -334,7 +334,8 @@ def flat_normal(scene: Scene) -> NDArray[np.float64] | None:
 
 def length_of(vector: NDArray[np.float64]) -> float:
     """Return the length of a vector, even if its squares are outside the range of float64."""
-    length = float(np.linalg.norm(vector))
+    with np.errstate(over="ignore", under="ignore"):
+        length = float(np.linalg.norm(vector))
     return length if 0 < length < math.inf else math.hypot(*vector)
 
 

@@ -74,7 +74,7 @@ def test_another_device_or_driver_has_a_folder_of_its_own(other: tuple[str, ...]
 def test_another_version_or_processor_has_a_folder_of_its_own(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     Cache(DEVICE).write("a", b"one")
     if what == "version":
-        monkeypatch.setattr("clpeel.__version__", "0.0.0")
+        monkeypatch.setattr("clpeel.version.VERSION", "0.0.0")
     elif what == "format":
         monkeypatch.setattr(cache, "_FORMAT", "0")
     else:

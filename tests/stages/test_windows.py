@@ -103,6 +103,7 @@ def test_depth_has_even_relative_precision_from_near_to_far(lanes):
         assert depth_of(run[0][0]) == pytest.approx(0.5 / distance, rel=16 * 2.0**-24)
 
 
+@pytest.mark.filterwarnings("ignore::pyopencl.CompilerWarning")
 def test_keys_order_depths_front_to_back():
     values = [np.inf, 1.0, 0.5, 1e-30, 1e-45, 0.0, -0.0, -1e-45, -0.5, -np.inf]
     import pyopencl as cl

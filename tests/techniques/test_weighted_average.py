@@ -103,6 +103,7 @@ def test_half_sums_stick(alpha: float, sticks: float, lanes: int) -> None:
     assert got[[0, 3]] == pytest.approx(1 - (1 - sticks / 2048) ** 2048, abs=4 * UNIT)
 
 
+@pytest.mark.filterwarnings("ignore::pyopencl.CompilerWarning")
 def test_half_is_that_of_numpy() -> None:
     import pyopencl as cl
 

@@ -147,6 +147,6 @@ def blended(technique: str, stacks: Stacks) -> Any:
     color, total, n = color.astype(float), total.astype(float), np.minimum(count, most)[:, None]
     coverage = np.zeros_like(total)
     some = total[:, 0] > 0
-    alpha = np.minimum(total[some] / n[some], 1 - 2.0**-60)
+    alpha = np.minimum(total[some] / n[some], 1 - 2.0**-53)  # the greatest float64 below 1
     coverage[some] = -np.expm1(n[some] * np.log1p(-alpha))
     return stacks.shown(color / np.where(total > 0, total, 1) * coverage, 1 - coverage)
