@@ -10,14 +10,6 @@ import re
 from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from clpeel.command.options import (
-    add_compare_options,
-    add_complexity_options,
-    add_files,
-    add_layers_options,
-    add_picture_options,
-    add_warm_up_options,
-)
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,6 +44,53 @@ WARM_UP = """\
 Compile the kernels of common kinds of pictures ahead, and keep them: after an installation, or while an image is built.
 Each kind takes a second or less, which the first picture of that kind then need not wait for.
 """
+
+FILES = "FILE... [-o OUT.png] [options]"
+TEXTS: dict[str, tuple[str, str, str, str | None]] = {
+    "render": (
+        "render mesh files to a PNG",
+        FILES,
+        "Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one PNG.",
+        EXAMPLES,
+    ),
+    "layers": (
+        "peel mesh files: a PNG for each layer, front to back, and one .npz with all",
+        "FILE... [-o DIR] [options]",
+        LAYERS,
+        None,
+    ),
+    "complexity": (
+        "count layers: a heat map, a histogram, and what each technique would need",
+        FILES,
+        COMPLEXITY,
+        None,
+    ),
+    "compare": (
+        "compare the techniques: time, memory, and error against float64",
+        "FILE... [--html FILE] [options]",
+        COMPARE,
+        None,
+    ),
+    "demo": (
+        "render a built-in scene to demo.png",
+        "[-o OUT.png] [options]",
+        "Render a built-in scene of nested, intersecting, translucent surfaces.",
+        None,
+    ),
+    "warm-up": (
+        "compile the common kernels ahead, so that no first picture waits for them",
+        "[options]",
+        WARM_UP,
+        None,
+    ),
+    "techniques": ("list the techniques and their options", "", "", None),
+    "devices": ("list the OpenCL devices", "", "", None),
+    "report": ("print versions and devices, for a bug report", "", "", None),
+}
+"""Each command's line of help, usage, description (by default that line), and what its help ends with."""
+
+TABLES = ("techniques", "devices", "report")
+"""The commands that print a table."""
 
 
 class _Help(argparse.HelpFormatter):
@@ -129,8 +168,12 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def make_parser() -> Parser:
-    """Return the whole command line. This imports nothing heavy."""
+def make_parser(bare: bool = False) -> Parser:
+    """Return the whole command line. This imports nothing heavy.
+
+    bare: without the options of the commands, which take longer to make than all the rest. It is enough for the help of
+    `clpeel` itself.
+    """
     parser = Parser(
         prog="clpeel",
         usage="clpeel COMMAND [options]",
@@ -141,59 +184,38 @@ def make_parser() -> Parser:
     commands = parser.add_subparsers(
         title="commands", dest="command", metavar="COMMAND", parser_class=Parser, prog="clpeel"
     )
+    for name, (text, usage, description, epilog) in TEXTS.items():
+        usage = f"clpeel {name} {usage}".rstrip()
+        commands.add_parser(
+            name, help=text, usage=usage, description=description or f"{text.capitalize()}.", epilog=epilog
+        )
+    parser.commands = commands.choices
+    if not bare:
+        _add_options(parser)
+    return parser
 
-    def command(name: str, text: str, usage: str, description: str, epilog: str | None = None) -> Parser:
-        usage = f"clpeel {name} {usage}"
-        return commands.add_parser(name, help=text, usage=usage, description=description, epilog=epilog)
 
-    render = command(
-        "render",
-        "render mesh files to a PNG",
-        "FILE... [-o OUT.png] [options]",
-        "Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one PNG.",
-        EXAMPLES,
-    )
-    add_files(render, "drawn")
-    add_picture_options(render, output="clpeel.png", resolution="1024,1024", samples=1)
+def _add_options(parser: Parser) -> None:
+    """Add the options of all commands."""
+    from clpeel.command import options
 
-    text = "peel mesh files: a PNG for each layer, front to back, and one .npz with all"
-    layers = command("layers", text, "FILE... [-o DIR] [options]", LAYERS)
-    add_files(layers, "peeled")
-    add_layers_options(layers)
-
-    text = "count layers: a heat map, a histogram, and what each technique would need"
-    complexity = command("complexity", text, "FILE... [-o OUT.png] [options]", COMPLEXITY)
-    add_files(complexity, "counted")
-    add_complexity_options(complexity)
-
-    text = "compare the techniques: time, memory, and error against float64"
-    compare = command("compare", text, "FILE... [--html FILE] [options]", COMPARE)
-    add_files(compare, "drawn")
-    add_compare_options(compare)
-
-    text = "Render a built-in scene of nested, intersecting, translucent surfaces."
-    demo = command("demo", "render a built-in scene to demo.png", "[-o OUT.png] [options]", text)
-    add_picture_options(demo, output="demo.png", resolution="1200,900", samples=16)
-
-    text = "compile the common kernels ahead, so that no first picture waits for them"
-    add_warm_up_options(command("warm-up", text, "[options]", WARM_UP))
-
-    for name, text in (
-        ("techniques", "list the techniques and their options"),
-        ("devices", "list the OpenCL devices"),
-        ("report", "print versions and devices, for a bug report"),
-    ):
-        table = commands.add_parser(name, help=text, description=text.capitalize() + ".", usage=f"clpeel {name}")
-        table.add_argument("--verbose", action="store_true", help="on an error, show the whole trace")
-
+    of = parser.commands
+    for name, done in (("render", "drawn"), ("layers", "peeled"), ("complexity", "counted"), ("compare", "drawn")):
+        options.add_files(of[name], done)
+    options.add_picture_options(of["render"], output="clpeel.png", resolution="1024,1024", samples=1)
+    options.add_layers_options(of["layers"])
+    options.add_complexity_options(of["complexity"])
+    options.add_compare_options(of["compare"])
+    options.add_picture_options(of["demo"], output="demo.png", resolution="1200,900", samples=16)
+    options.add_warm_up_options(of["warm-up"])
+    for name in TABLES:
+        of[name].add_argument("--verbose", action="store_true", help="on an error, show the whole trace")
     for action in _options(parser):
         parser.known.update(action.option_strings)
         if action.nargs is None:
             parser.valued.update(dict.fromkeys(action.option_strings, action.option_strings[0]))
-    parser.commands = commands.choices
-    for each in parser.commands.values():
-        each.known = parser.known
-    return parser
+    for command in parser.commands.values():
+        command.known = parser.known
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
@@ -201,7 +223,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
     Raises SystemExit after --help and --version, and InputError if the arguments are wrong.
     """
-    parser = make_parser()
+    parser = make_parser(bare=all(argument in ("-h", "--help") for argument in arguments))
     options, unknown = parser.parse_known_args(tidy(arguments, parser.known, parser.valued))
     if options.command is None and not unknown:
         parser.print_help()

@@ -867,3 +867,20 @@ def test_thickness_options_that_cannot_be(
     assert cli.main(["render", str(mesh), "-o", str(tmp_path / "x.png"), *options]) == 2
     error = capfd.readouterr().err
     assert message in error and error.count("\n") == 1 and not (tmp_path / "x.png").exists()
+
+
+def test_every_command_has_its_texts_and_its_function() -> None:
+    for bare in (False, True):
+        assert list(command_line.make_parser(bare).commands) == list(command_line.TEXTS)
+    assert set(command_line.TEXTS) == set(cli.COMMANDS)
+
+
+def test_help_needs_no_options_of_commands(capfd: Any) -> None:
+    """The help of clpeel itself is the same whether or not those are made."""
+    assert cli.main(["--help"]) == 0
+    assert capfd.readouterr().out == command_line.make_parser().format_help()
+    check = (
+        "import sys; from clpeel.command.main import main; main(['--help']); print('clpeel.techniques' in sys.modules)"
+    )
+    done = subprocess.run([*PYTHON, "-c", check], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("\nFalse\n")
