@@ -49,6 +49,23 @@ def shared_devices(opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.fixture
+def squares(tmp_path: Path) -> Path:
+    """Two nested squares, the farther one larger, so that one layer is in view beside the nearer and two through it."""
+    path = tmp_path / "squares.off"
+    path.write_text(
+        "OFF\n8 4 0\n-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n-.5 -.5 1\n.5 -.5 1\n.5 .5 1\n-.5 .5 1\n"
+        "3 0 1 2\n3 0 2 3\n3 4 5 6\n3 4 6 7\n"
+    )
+    return path
+
+
+def printed(capfd: pytest.CaptureFixture[str]) -> tuple[list[str], list[str]]:
+    """The lines on standard output and on standard error; a compiler may have added its own."""
+    out, err = capfd.readouterr()
+    return out.splitlines(), [line for line in err.splitlines() if "warnings generated" not in line]
+
+
+@pytest.fixture
 def model() -> Callable[[str], Path]:
     """model("bunny.ply") is the path of a shared model; the test is skipped where there is none."""
 

@@ -14,31 +14,31 @@
 #define BY_DEPTH 0
 #endif
 
-// key: that of the depth, less 2^31, because vectors compare signed numbers in one step. payload: as in stages/walk.h,
-// below 2^31, or NO_PAYLOAD.
-typedef struct { VECTOR(int) key, payload; } Fragments;
+// One fragment of each of a strip's pixels. key: that of the depth, less 2^31, because vectors compare signed numbers in
+// one step. payload: as in stages/walk.h, below 2^31, or NO_PAYLOAD.
+typedef struct { VECTOR(int) key, payload; } Row;
 
 // Keys in front of all fragments and behind all of them.
 #define NEAREST_KEY (-0x7FFFFFFF - 1)
 #define FARTHEST_KEY 0x7FFFFFFF
 #define NO_PAYLOAD (-1)  // the payload of ABSENT, as an int
 
-INLINE void clear_to(Fragments *f, int key)
+INLINE void clear_to(Row *f, int key)
 {
     f->key = (VECTOR(int))(key);
     f->payload = (VECTOR(int))(NO_PAYLOAD);
 }
 
-INLINE VECTOR(int) is_there(const Fragments *f) { return f->payload >= (VECTOR(int))(0); }
+INLINE VECTOR(int) is_there(const Row *f) { return f->payload >= (VECTOR(int))(0); }
 
-INLINE void replace(Fragments *f, VECTOR(int) where, const Fragments *by)
+INLINE void replace(Row *f, VECTOR(int) where, const Row *by)
 {
     f->key = SELECT(where, by->key, f->key);
     f->payload = SELECT(where, by->payload, f->payload);
 }
 
 // Whether `a` lies behind `b` and is not the same fragment: -1, or 0 where not.
-INLINE VECTOR(int) is_behind(const Fragments *a, const Fragments *b)
+INLINE VECTOR(int) is_behind(const Row *a, const Row *b)
 {
     // Where `a` is the later one by submission, its key counts one more, so that it is behind also at equal depth. Keys
     // are far enough from the greatest integer for that.

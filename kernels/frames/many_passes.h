@@ -103,7 +103,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 covered &= CONVERT(int, STRIP, submitted < z_far[OWN(block)]);
             }
             // The key as a signed number (fragments/comparing.h).
-            Fragments arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
+            Row arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
                                   (VECTOR(int))((int)PAYLOAD(FRAGMENT_COLOR ? place : t->source, t))};
             if (pass == 0) fragments += POPCOUNT(BITS_OF(covered));
             passed += POPCOUNT(BITS_OF(pass_samples(buffers + OWN(block), covered, &arriving)));

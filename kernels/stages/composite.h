@@ -47,7 +47,12 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint sid
 typedef VECTOR(float) Found;
 #define NOTHING (VECTOR(float))(0.0f)
 #else
+// Four numbers have the fields of Colors, so that means are taken in the same way. Techniques that make a map use them by
+// these names: what is measured, whether that is doubtful, and whether there is anything.
 typedef Colors Found;
+#define MEASURED red
+#define UNPAIRED green
+#define COVERED blue
 #define NOTHING {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f)}
 #endif
 

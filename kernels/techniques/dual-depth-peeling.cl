@@ -15,7 +15,7 @@
 #define PEELED 2
 
 typedef struct {
-    Fragments nearest, farthest, next_nearest, next_farthest;
+    Row nearest, farthest, next_nearest, next_farthest;
     Colors front, back;  // back.alpha: the transmittance of the back layers
 } Buffers;
 
@@ -43,7 +43,7 @@ INLINE uint begin_pass(Buffers *b)
     return POPCOUNT(BITS_OF(is_there(&b->nearest))) + POPCOUNT(BITS_OF(has_back(b)));
 }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
     VECTOR(int) between = covered & is_behind(fragments, &b->nearest) & is_behind(&b->farthest, fragments);
     if (BITS_OF(between) == 0) return between;
@@ -73,7 +73,7 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
     VECTOR(int) more = is_there(&b->next_nearest) & (b->front.alpha > (VECTOR(float))(0.0f));
     VECTOR(int) left = more & (seen_through(b) > (VECTOR(float))(least_seen));
-    Fragments none;
+    Row none;
     clear_to(&none, FARTHEST_KEY);
     replace(&b->next_nearest, ~left, &none);
     clear_to(&none, NEAREST_KEY);

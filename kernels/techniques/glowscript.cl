@@ -13,7 +13,7 @@
 #define MOST_PEELS 4
 
 typedef struct {
-    Fragments z_near, slot;
+    Row z_near, slot;
     VECTOR(int) more;
     Colors peel[MOST_PEELS];
     uint peels;
@@ -32,7 +32,7 @@ INLINE uint begin_pass(Buffers *b)
     return 0;
 }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
     VECTOR(int) between = covered & is_behind(fragments, &b->z_near);
     VECTOR(int) nearer = between & (fragments->key < b->slot.key);

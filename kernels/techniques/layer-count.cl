@@ -5,14 +5,13 @@
 #include "base/common.h"
 #include "stages/composite.h"
 
-// found: the number of layers, 0, and whether there is any.
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
                           VECTOR(uint) count, global const void *colors, Colors *resolved,
                           global const float *parameters, Found *found)
 {
-    found->red = CONVERT(float, STRIP, count);
-    found->blue = count > (VECTOR(uint))(0) ? (VECTOR(float))(1.0f) : (VECTOR(float))(0.0f);
-    resolved->alpha = 1.0f - found->blue;
+    found->MEASURED = CONVERT(float, STRIP, count);
+    found->COVERED = count > (VECTOR(uint))(0) ? (VECTOR(float))(1.0f) : (VECTOR(float))(0.0f);
+    resolved->alpha = 1.0f - found->COVERED;
 }
 
 #include "frames/one_pass.h"

@@ -96,7 +96,7 @@ INLINE bool arrive(Buffers *b, int k, ulong fragment)
     return true;
 }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
     VECTOR(int) passed = (VECTOR(int))(0);
     for (int k = 0; k < STRIP; ++k) {

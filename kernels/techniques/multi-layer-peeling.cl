@@ -22,7 +22,7 @@
 #include "techniques/multi-layer-hazards.h"
 #else
 typedef struct {
-    Fragments z_near, slot[LAYERS_A_PASS];
+    Row z_near, slot[LAYERS_A_PASS];
     VECTOR(int) more;
     Colors color;
 } Buffers;
@@ -42,9 +42,9 @@ INLINE uint begin_pass(Buffers *b)
     return 0;
 }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
-    const Fragments *last = b->slot + LAYERS_A_PASS - 1;
+    const Row *last = b->slot + LAYERS_A_PASS - 1;
     VECTOR(int) passed = covered & is_behind(fragments, &b->z_near);
     if (BY_DEPTH)
         UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i)  // skip a depth that is in a slot already
@@ -57,7 +57,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
     // has not passed gets the farthest key, so it changes nothing.
     VECTOR(int) key = SELECT(passed, fragments->key, (VECTOR(int))(FARTHEST_KEY));
     UNROLL for (int i = LAYERS_A_PASS - 1; i > 0; --i) {
-        Fragments *slot = b->slot + i, *before = slot - 1;
+        Row *slot = b->slot + i, *before = slot - 1;
         VECTOR(int) moved = SELECT(key < before->key, before->payload, fragments->payload);
         slot->payload = SELECT(key < slot->key, moved, slot->payload);
         slot->key = MIN(slot->key, MAX(before->key, key));
@@ -72,7 +72,7 @@ INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot[i].payload; 
 // Nothing passes any more where the last slot is empty, or where too little behind it could be seen.
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
-    const Fragments *last = b->slot + LAYERS_A_PASS - 1;
+    const Row *last = b->slot + LAYERS_A_PASS - 1;
     VECTOR(int) left = is_there(last) & (seen_through(b) > (VECTOR(float))(least_seen));
     clear_to(&b->z_near, FARTHEST_KEY);
     replace(&b->z_near, left, last);

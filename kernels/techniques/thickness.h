@@ -62,11 +62,11 @@ INLINE void measure(VECTOR(int) covered, VECTOR(float) length, VECTOR(int) unpai
                     global const float *parameters, Colors *resolved, Colors *found)
 {
     const VECTOR(float) zero = (VECTOR(float))(0.0f), one = (VECTOR(float))(1.0f);
-    found->red = covered ? length * parameters[0] : zero;
-    found->green = covered & unpaired ? one : zero;
-    found->blue = covered ? one : zero;
+    found->MEASURED = covered ? length * parameters[0] : zero;
+    found->UNPAIRED = covered & unpaired ? one : zero;
+    found->COVERED = covered ? one : zero;
     found->alpha = zero;
-    shown(foremost, found->red, parameters + 2, resolved);
+    shown(foremost, found->MEASURED, parameters + 2, resolved);
     resolved->red = covered ? resolved->red : zero;
     resolved->green = covered ? resolved->green : zero;
     resolved->blue = covered ? resolved->blue : zero;
@@ -124,7 +124,7 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
 // --- by MIN blending ------------------------------------------------------------------------------------------------
 // The two channels of the article's render target, each with the fragment whose depth it is; and the foremost colour.
 typedef struct {
-    Fragments red, green;
+    Row red, green;
     Colors color;
 } Buffers;
 
@@ -137,15 +137,15 @@ INLINE void clear_buffers(Buffers *b)
 
 INLINE uint begin_pass(Buffers *b) { return 0; }
 
-INLINE void blend_min(Fragments *channel, VECTOR(int) covered, const Fragments *source)
+INLINE void blend_min(Row *channel, VECTOR(int) covered, const Row *source)
 {
     replace(channel, covered & (source->key < channel->key), source);
 }
 
-INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments *fragments)
+INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
 #if VARIANT == TOTAL
-    Fragments complement = {~fragments->key, fragments->payload};  // 1 - depth
+    Row complement = {~fragments->key, fragments->payload};  // 1 - depth
     blend_min(&b->red, covered, fragments);
     blend_min(&b->green, covered, &complement);
 #else
@@ -157,7 +157,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Fragments
 }
 
 // The nearer and the farther of the two fragments that are kept.
-INLINE void kept(const Buffers *b, Fragments *nearer, Fragments *farther)
+INLINE void kept(const Buffers *b, Row *nearer, Row *farther)
 {
     *nearer = b->red, *farther = b->green;
 #if VARIANT == TOTAL
@@ -171,7 +171,7 @@ INLINE void kept(const Buffers *b, Fragments *nearer, Fragments *farther)
 
 INLINE VECTOR(int) peeled(const Buffers *b, int i)
 {
-    Fragments nearer, farther;
+    Row nearer, farther;
     kept(b, &nearer, &farther);
     VECTOR(int) payload = nearer.payload;
     if (i > 0) payload = farther.payload == nearer.payload ? (VECTOR(int))(NO_PAYLOAD) : farther.payload;
@@ -187,14 +187,14 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen) { return (VECTOR(int))
 
 INLINE VECTOR(float) seen_through(const Buffers *b) { return (VECTOR(float))(0.0f); }
 
-INLINE VECTOR(float) depth_at(const Fragments *f, float scale)
+INLINE VECTOR(float) depth_at(const Row *f, float scale)
 {
     return depth_of(PASTE(as_, VECTOR(uint))(f->key) ^ (VECTOR(uint))(0x80000000u), scale);
 }
 
 INLINE void merge(const Buffers *b, Colors *merged, global const float *parameters, Colors *found)
 {
-    Fragments nearer, farther;
+    Row nearer, farther;
     kept(b, &nearer, &farther);
     VECTOR(int) covered = is_there(&nearer), paired = covered;
 #if VARIANT == FIRST_SOLID

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from conftest import INTERPOLATION_ROUNDING, INTERPOLATION_SHIFT, TIE
+from conftest import INTERPOLATION_ROUNDING, INTERPOLATION_SHIFT, TIE, printed
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -495,40 +495,24 @@ def test_files_that_are_damaged_or_something_else(layers: clpeel.Layers, tmp_pat
 # --- the command ------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def mesh(tmp_path: Path) -> Path:
-    """Two nested squares, the farther one larger, so that one layer is in view beside the nearer and two through it."""
-    path = tmp_path / "squares.off"
-    path.write_text(
-        "OFF\n8 4 0\n-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n-.5 -.5 1\n.5 -.5 1\n.5 .5 1\n-.5 .5 1\n"
-        "3 0 1 2\n3 0 2 3\n3 4 5 6\n3 4 6 7\n"
-    )
-    return path
-
-
-def command(mesh: Path, *arguments: str) -> int:
+def command(squares: Path, *arguments: str) -> int:
     """`clpeel layers` of the squares, small and unlit."""
     opacity = [] if any(argument.startswith("--opacity") for argument in arguments) else ["--opacity=0.4"]
     given = ["--resolution=40,30", "--unlit", "--color=1,0,0", *opacity, *arguments]
-    return cli.main(["layers", str(mesh), *given])
+    return cli.main(["layers", str(squares), *given])
 
 
-def words(capfd: Any) -> list[str]:
-    """The lines that the command has printed; a compiler may have added its own."""
-    return [line for line in "".join(capfd.readouterr()).splitlines() if "warnings generated" not in line]
-
-
-def test_the_command_writes_pictures_and_a_file(mesh: Path, tmp_path: Path, capfd: Any) -> None:
+def test_the_command_writes_pictures_and_a_file(squares: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "out"
-    assert command(mesh, "-o", str(folder)) == 0
-    (said,) = words(capfd)
+    assert command(squares, "-o", str(folder)) == 0
+    (said,) = sum(printed(capfd), [])
     assert re.fullmatch(rf"clpeel: wrote {folder}/layers\.npz, 2 layers \(40 x 30, 4 triangles, [\d.]+ s\)", said)
     assert sorted(os.listdir(folder)) == ["layer-01.png", "layer-02.png", "layers.npz"]
     assert sorted(os.listdir(tmp_path)) == ["out", "squares.off"]
     (tmp_path / "new").mkdir()
     assert folder.stat().st_mode == (tmp_path / "new").stat().st_mode
     layers = clpeel.load_layers(folder / "layers.npz")
-    scene = clpeel.load(mesh, opacity=0.4, color=(1.0, 0.0, 0.0))
+    scene = clpeel.load(squares, opacity=0.4, color=(1.0, 0.0, 0.0))
     camera = clpeel.Camera.frame(scene, aspect=40 / 30)
     assert (layers.composite() == clpeel.render(scene, camera, (40, 30)).image).all()
     assert layers.triangle[layers.start[15 * 40 + 20]] in (2, 3), "the nearer square is the first layer"
@@ -539,40 +523,40 @@ def test_the_command_writes_pictures_and_a_file(mesh: Path, tmp_path: Path, capf
     assert (first == layers.picture(0)).all()
 
 
-def test_the_command_with_alpha_and_stats(mesh: Path, tmp_path: Path, capfd: Any) -> None:
+def test_the_command_with_alpha_and_stats(squares: Path, tmp_path: Path, capfd: Any) -> None:
     arguments = ["--keep-alpha", "--no-background", "--technique=depth-peeling", "--passes=1", "--quiet"]
-    assert command(mesh, "-o", str(tmp_path / "out"), f"--stats={tmp_path / 's.json'}", *arguments) == 0
-    assert not words(capfd)
+    assert command(squares, "-o", str(tmp_path / "out"), f"--stats={tmp_path / 's.json'}", *arguments) == 0
+    assert not sum(printed(capfd), [])
     assert sorted(os.listdir(tmp_path / "out")) == ["layer-01.png", "layers.npz"]
     image = np.asarray(Image.open(tmp_path / "out" / "layer-01.png"))
     assert (image[15, 20] == [255, 0, 0, 102]).all() and not image[0, 0].any()
     assert '"layers":' in (tmp_path / "s.json").read_text()
 
 
-def test_an_earlier_run_goes_and_other_files_stay(mesh: Path, tmp_path: Path, capfd: Any) -> None:
+def test_an_earlier_run_goes_and_other_files_stay(squares: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "out"
     folder.mkdir()
     for name in ("layer-02.png", "layer-03.png", "layer-100.png", "layer-final.png", "layer-4.png.txt", "notes"):
         (folder / name).write_text(name)
     (folder / "layer-07.png").mkdir()
     (tmp_path / "link").symlink_to(folder)
-    assert command(mesh, "-o", str(tmp_path / "link")) == 0
+    assert command(squares, "-o", str(tmp_path / "link")) == 0
     kept = ["layer-07.png", "layer-4.png.txt", "layer-final.png", "notes"]
     assert sorted(os.listdir(folder)) == sorted(["layer-01.png", "layer-02.png", "layers.npz", *kept])
     assert (folder / "notes").read_text() == "notes" and (folder / "layer-02.png").stat().st_size > 20
 
 
-def test_one_layer_of_what_is_opaque_is_said(mesh: Path, tmp_path: Path, capfd: Any) -> None:
-    assert command(mesh, "-o", str(tmp_path / "a"), "--opacity=1") == 0
-    note, _ = words(capfd)
+def test_one_layer_of_what_is_opaque_is_said(squares: Path, tmp_path: Path, capfd: Any) -> None:
+    assert command(squares, "-o", str(tmp_path / "a"), "--opacity=1") == 0
+    note, _ = sum(printed(capfd), [])
     assert "note: all is opaque, so there is one layer; --opacity 0.5 or --opaque blend" in note
-    assert command(mesh, "-o", str(tmp_path / "b"), "--opacity=1", "--opaque=blend") == 0
-    assert len(words(capfd)) == 1
+    assert command(squares, "-o", str(tmp_path / "b"), "--opacity=1", "--opaque=blend") == 0
+    assert len(sum(printed(capfd), [])) == 1
     assert [clpeel.load_layers(tmp_path / name / "layers.npz").count for name in "ab"] == [1, 2]
 
 
-def test_no_layer_in_view_is_said(mesh: Path, tmp_path: Path, capfd: Any) -> None:
-    assert command(mesh, "-o", str(tmp_path / "out"), "--camera-position=0,0,9", "--camera-focal-point=0,0,99") == 0
+def test_no_layer_in_view_is_said(squares: Path, tmp_path: Path, capfd: Any) -> None:
+    assert command(squares, "-o", str(tmp_path / "out"), "--camera-position=0,0,9", "--camera-focal-point=0,0,99") == 0
     assert "no layer is in view" in capfd.readouterr().err
     assert os.listdir(tmp_path / "out") == ["layers.npz"]
     assert clpeel.load_layers(tmp_path / "out" / "layers.npz").count == 0
@@ -583,7 +567,7 @@ def test_no_layer_in_view_is_said(mesh: Path, tmp_path: Path, capfd: Any) -> Non
     ("error", "code"), [(KeyboardInterrupt(), 130), (OSError(28, "No space left on device", "x.png"), 1)]
 )
 def test_a_failure_leaves_all_as_it_was(
-    mesh: Path, tmp_path: Path, there: bool, error: BaseException, code: int, monkeypatch: Any, capfd: Any
+    squares: Path, tmp_path: Path, there: bool, error: BaseException, code: int, monkeypatch: Any, capfd: Any
 ) -> None:
     folder = tmp_path / "out"
     if there:
@@ -594,8 +578,8 @@ def test_a_failure_leaves_all_as_it_was(
         raise error
 
     monkeypatch.setattr(clpeel.Layers, "save", broken)
-    assert command(mesh, "-o", str(folder)) == code
-    assert len(words(capfd)) == 1
+    assert command(squares, "-o", str(folder)) == code
+    assert len(sum(printed(capfd), [])) == 1
     assert sorted(os.listdir(tmp_path)) == (["out"] if there else []) + ["squares.off"]
     assert not there or [p.read_bytes() for p in folder.iterdir()] == [b"old"]
 
@@ -618,21 +602,21 @@ def test_a_failure_leaves_all_as_it_was(
     ],
 )
 def test_bad_input_is_one_line_before_any_work(
-    mesh: Path, tmp_path: Path, arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capfd: Any
+    squares: Path, tmp_path: Path, arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capfd: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(clpeel, "load", lambda *_, **__: pytest.fail("a file was read"))
     (tmp_path / "circle").symlink_to("circle")
-    assert command(mesh, *arguments) == 2
+    assert command(squares, *arguments) == 2
     out, err = capfd.readouterr()
     assert out == "" and err.count("\n") == 1 and message in err
     assert sorted(os.listdir(tmp_path)) == ["circle", "squares.off"]
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_is_not_writable(mesh: Path, tmp_path: Path, capfd: Any) -> None:
+def test_a_folder_that_is_not_writable(squares: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "locked"
     folder.mkdir(mode=0o500)
     for name in (folder, folder / "new"):
-        assert command(mesh, "-o", str(name)) == 2
+        assert command(squares, "-o", str(name)) == 2
         assert "not writable" in capfd.readouterr().err

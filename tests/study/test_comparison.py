@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from conftest import printed
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -470,32 +471,16 @@ def test_labels_do_not_overlap(found: list[tuple[float, float, bool]]) -> None:
 # --- the command ------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def mesh(tmp_path: Path) -> Path:
-    path = tmp_path / "squares.off"
-    path.write_text(
-        "OFF\n8 4 0\n-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n-.5 -.5 1\n.5 -.5 1\n.5 .5 1\n-.5 .5 1\n"
-        "3 0 1 2\n3 0 2 3\n3 4 5 6\n3 4 6 7\n"
-    )
-    return path
-
-
-def command(mesh: Path, *arguments: str) -> int:
+def command(squares: Path, *arguments: str) -> int:
     """`clpeel compare` of two squares, small."""
-    return cli.main(["compare", str(mesh), "--resolution=20,16", "--opacity=0.4", "--frames=2", *arguments])
+    return cli.main(["compare", str(squares), "--resolution=20,16", "--opacity=0.4", "--frames=2", *arguments])
 
 
-def words(capfd: Any) -> tuple[list[str], list[str]]:
-    """The lines on standard output and on standard error; a compiler may have added its own."""
-    out, err = capfd.readouterr()
-    return out.splitlines(), [line for line in err.splitlines() if "warnings generated" not in line]
-
-
-def test_the_command_prints_and_writes(mesh: Path, tmp_path: Path, capfd: Any) -> None:
+def test_the_command_prints_and_writes(squares: Path, tmp_path: Path, capfd: Any) -> None:
     files = {kind: tmp_path / f"out.{kind}" for kind in ("json", "csv", "html")}
     assert (
         command(
-            mesh,
+            squares,
             "--budgets=1",
             "--unlit",
             "--techniques=sort,depth-peeling",
@@ -503,7 +488,7 @@ def test_the_command_prints_and_writes(mesh: Path, tmp_path: Path, capfd: Any) -
         )
         == 0
     )
-    out, err = words(capfd)
+    out, err = printed(capfd)
     found = json.loads(files["json"].read_text())
     assert found["lighting"] == "none" and found["size"] == [20, 16] and found["triangles"] == 4
     assert len(out) == 1 + len(found["rows"]) + 1 + 3 and "depth-peeling, passes 1" in "".join(out)
@@ -512,7 +497,7 @@ def test_the_command_prints_and_writes(mesh: Path, tmp_path: Path, capfd: Any) -
     assert err == [f"clpeel: wrote {path}" for path in files.values()]
 
 
-def test_the_command_asks_for_what_the_options_say(mesh: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:
+def test_the_command_asks_for_what_the_options_say(squares: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:
     asked = SimpleNamespace()
 
     def compare(scene: Any, camera: Any, **options: Any) -> Any:
@@ -521,7 +506,7 @@ def test_the_command_asks_for_what_the_options_say(mesh: Path, monkeypatch: pyte
 
     monkeypatch.setattr(clpeel, "compare", compare)
     arguments = "--techniques=sort,weighted-sum --precisions half --budgets 1,4 --background-color=1,0,0 --memory 64M"
-    assert command(mesh, *arguments.split(), "--opaque", "blend", "--lanes=16", "--camera-position=-1,2,9") == 2
+    assert command(squares, *arguments.split(), "--opaque", "blend", "--lanes=16", "--camera-position=-1,2,9") == 2
     assert asked.camera.position == (-1, 2, 9)
     wanted = {
         "size": (20, 16),
@@ -539,19 +524,19 @@ def test_the_command_asks_for_what_the_options_say(mesh: Path, monkeypatch: pyte
     assert {name: asked.options[name] for name in wanted} == wanted
 
 
-def test_figures_alone_on_standard_output(mesh: Path, capfd: Any) -> None:
-    assert command(mesh, "--techniques=sort", "--json", "-") == 0
+def test_figures_alone_on_standard_output(squares: Path, capfd: Any) -> None:
+    assert command(squares, "--techniques=sort", "--json", "-") == 0
     out, err = capfd.readouterr()
     assert [row["technique"] for row in json.loads(out)["rows"]] == ["sort"]
     assert "truth: the same" in err
 
 
 def test_the_command_keeps_what_is_finished(
-    mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
+    squares: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
 ) -> None:
     interrupt_after(monkeypatch, 5)
-    assert command(mesh, f"--csv={tmp_path / 'out.csv'}", f"--html={tmp_path / 'out.html'}") == 130
-    out, err = words(capfd)
+    assert command(squares, f"--csv={tmp_path / 'out.csv'}", f"--html={tmp_path / 'out.html'}") == 130
+    out, err = printed(capfd)
     assert out[1].startswith("* sort ")
     assert out[2] == "" and "note: interrupted" in out
     assert err[-1] == "clpeel: interrupted"
@@ -560,11 +545,11 @@ def test_the_command_keeps_what_is_finished(
 
 
 def test_the_command_interrupted_at_once(
-    mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
+    squares: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
 ) -> None:
     interrupt_after(monkeypatch, 1)
-    assert command(mesh, f"--csv={tmp_path / 'out.csv'}") == 130
-    assert words(capfd) == ([], ["clpeel: interrupted"])
+    assert command(squares, f"--csv={tmp_path / 'out.csv'}") == 130
+    assert printed(capfd) == ([], ["clpeel: interrupted"])
     assert os.listdir(tmp_path) == ["squares.off"]
 
 
@@ -587,11 +572,11 @@ def test_the_command_interrupted_at_once(
     ],
 )
 def test_bad_input_is_one_line_before_any_work(
-    mesh: Path, tmp_path: Path, arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capfd: Any
+    squares: Path, tmp_path: Path, arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capfd: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(clpeel, "load", lambda *_, **__: pytest.fail("a file was read"))
-    assert command(mesh, *arguments) == 2
-    out, err = words(capfd)
+    assert command(squares, *arguments) == 2
+    out, err = printed(capfd)
     assert out == [] and len(err) == 1 and message in err[0]
     assert os.listdir(tmp_path) == ["squares.off"]
