@@ -46,21 +46,31 @@ SURFACES = ("transparent", "mixed", "opaque")
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of picture: see the module. layers: with the layers of every pixel, too."""
+    """A kind of picture: see the module.
+
+    floats: colours are floats rather than bytes, as they are where `--opacity` is given. pairs: positions need more
+    than float32, as those of many a file do. layers: with the layers of every pixel, too.
+    """
 
     technique: str
     rate: str
     surfaces: str
     lighting: Lighting
+    floats: bool = False
+    pairs: bool = False
     layers: bool = False
 
     @property
     def name(self) -> str:
         """In words, for progress."""
-        light = "lit" if self.lighting != "none" else "unlit"
-        return (
-            f"{self.technique}{' with layers' if self.layers else ''}, {self.surfaces}, {light}, colours: {self.rate}"
-        )
+        parts = [
+            f"{self.technique}{' with layers' if self.layers else ''}",
+            self.surfaces,
+            "lit" if self.lighting != "none" else "unlit",
+            f"colours: {self.rate}{', floats' if self.floats else ''}",
+            *(["exact positions"] if self.pairs else []),
+        ]
+        return ", ".join(parts)
 
     def scene(self) -> Scene:
         """The smallest scene of this kind."""
@@ -68,10 +78,12 @@ class Kind:
         colors = np.array([OPAQUE if self.surfaces == "opaque" else GLASS] * count, np.uint8)
         if self.surfaces == "mixed":
             colors[count // 2 :] = OPAQUE
+        given = (colors / 255).astype(np.float32) if self.floats else colors
+        corners = CORNERS / 3 if self.pairs else CORNERS
         if self.rate == "scene":
-            return Scene.from_arrays(CORNERS, FACES, color=colors[0])
-        given: dict[str, Any] = {f"{self.rate}_colors": colors}
-        return Scene.from_arrays(CORNERS, FACES, **given)
+            return Scene.from_arrays(corners, FACES, color=given[0])
+        named: dict[str, Any] = {f"{self.rate}_colors": given}
+        return Scene.from_arrays(corners, FACES, **named)
 
 
 @dataclass(frozen=True)
@@ -90,14 +102,18 @@ def kinds_of(techniques: Sequence[str]) -> Iterator[Kind]:
     Scenes with nothing transparent are drawn alike by all techniques, so the first technique stands for them.
     """
     lights: tuple[Lighting, ...] = ("headlight", "none")
+    first = techniques[0]
     for technique in techniques:
         for lighting, rate, surfaces in product(lights, RATES, SURFACES):
             one_color = rate == "scene" and surfaces == "mixed"  # there is no such scene
-            if one_color or (surfaces == "opaque" and technique != techniques[0]):
+            if one_color or (surfaces == "opaque" and technique != first):
                 continue
             yield Kind(technique, rate, surfaces, lighting)
-    if TECHNIQUES[techniques[0]].sorts:
-        yield Kind(techniques[0], "face", "transparent", "headlight", layers=True)
+            if lighting != "none" and surfaces != "opaque":
+                yield Kind(technique, rate, surfaces, lighting, floats=True)
+    yield Kind(first, "scene", "transparent", "headlight", pairs=True)
+    if TECHNIQUES[first].sorts:
+        yield Kind(first, "face", "transparent", "headlight", layers=True)
 
 
 def warm_up(
