@@ -45,7 +45,7 @@ typedef ulong8 Octet __attribute__((aligned(8)));
         ulong8 low = (ulong8)(a.lo, b.lo);                                                                      \
         b = (ulong8)(a.hi, b.hi), a = low;                                                                      \
     }
-OUTLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
+INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
 {
     ulong8 list[STRIP];
     VECTOR(uint) at = count > (VECTOR(uint))(0) ? begin : (VECTOR(uint))(0);
@@ -59,7 +59,7 @@ OUTLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, 
     UNROLL for (int k = 0; k < 8; ++k) rows[k] = (VECTOR(ulong))(list[k], list[k + 8]);
 }
 #else
-OUTLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
+INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
 {
     for (uint k = 0; k < STRIP * ROWS; ++k) {
         uint pixel = k % STRIP, row = k / STRIP;
