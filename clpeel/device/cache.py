@@ -25,6 +25,7 @@ _SUFFIX = ".kernels"
 _PROCESSOR_BYTES = 1 << 14  # of /proc/cpuinfo: enough for the first processor, and all have the same abilities
 
 _notes: list[str] = []  # for the user, not shown yet
+_lost = 0  # how often kernels could not be kept
 _noted: set[str] = set()  # the beginnings of all notes so far, up to the colon: a process shows one of each kind
 
 
@@ -41,6 +42,11 @@ def take_notes() -> list[str]:
     notes = list(_notes)
     del _notes[: len(notes)]
     return notes
+
+
+def times_lost() -> int:
+    """How often this process could not keep what it had compiled. A note says so only the first time."""
+    return _lost
 
 
 def root() -> Path:
@@ -87,6 +93,8 @@ class Cache:
                 file.unlink(missing_ok=True)
             write_whole(file, _manifest(payload) + b"\n" + payload)
         except (OSError, InputError, RuntimeError) as error:
+            global _lost
+            _lost += 1
             reason = getattr(error, "strerror", None) or str(error)
             note(f"compiled kernels cannot be kept in '{self.folder}', so each run compiles them: {reason}")
 

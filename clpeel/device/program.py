@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from clpeel.device.building import BUILDING, build
 from clpeel.device.layout import Features
-from clpeel.device.records import declarations
+from clpeel.device.records import STRUCTS, declarations
 from clpeel.device.workspace import Workspace
 
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _KERNEL = re.compile(r"^kernel void (\w+)\(([^)]*)\)", re.MULTILINE)
-_SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
+_SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32, **dict.fromkeys(STRUCTS)}  # structs go as bytes
 
 Arguments = dict[str, cl.Buffer | NDArray[Any] | float | None]
 """Arguments of a kernel, by the kernel's names for them: buffers, structs (records.py), numbers, NULL."""
@@ -85,7 +85,7 @@ def program(gpu: Workspace, path: str, features: Features, **defines: int) -> di
                 continue
             words = [re.sub(r"\s+", " ", parameter).strip() for parameter in parameters.split(",")]
             names = tuple(re.split(r"[ *]", word)[-1] for word in words)
-            scalars = tuple(None if "*" in word else _SCALARS.get(word.split(" ")[0]) for word in words)
+            scalars = tuple(None if "*" in word else _SCALARS[word.split(" ")[0]] for word in words)
             kernel = cl.Kernel(built, name)
             kernel.set_scalar_arg_dtypes(scalars)  # set_args then takes a microsecond or two for all
             kernels[name] = Kernel(kernel, names)

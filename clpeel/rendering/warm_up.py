@@ -19,6 +19,7 @@ import numpy as np
 
 from clpeel.checks import one_of, whole_number
 from clpeel.device.building import cache_of
+from clpeel.device.cache import times_lost
 from clpeel.device.devices import open_device
 from clpeel.errors import InputError
 from clpeel.rendering.options import Lighting
@@ -39,7 +40,8 @@ GLASS, OPAQUE = (200, 120, 40, 128), (40, 120, 200, 255)
 RATES = {"scene": 1, "face": len(FACES), "vertex": len(CORNERS)}
 """How colours may be given, and how many a scene has then."""
 
-MOST_JOBS = 256
+MOST_JOBS = 64
+"""Processes side by side at most: each takes the memory of a driver of its own."""
 
 SURFACES = ("transparent", "mixed", "opaque")
 
@@ -88,11 +90,23 @@ class Kind:
 
 @dataclass(frozen=True)
 class Warmed:
-    """What was compiled: how many kinds, the seconds that it took, the folder that keeps it, and notes about that."""
+    """What was compiled: how many kinds, and the seconds that it took.
+
+    folder: where it is kept. kept: whether all of it is. notes: about that, a line each.
+    """
 
     kinds: int
     seconds: float
     folder: str
+    kept: bool
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What making the picture of a kind has shown of the cache: whether all was kept, and notes."""
+
+    kept: bool
     notes: tuple[str, ...]
 
 
@@ -142,28 +156,28 @@ def warm_up(
     report = progress or (lambda done, text: None)
     begun = time.perf_counter()
     report(0.0, kinds[0].name)
-    notes = dict.fromkeys(_picture_of(kinds[0], device, lanes))  # the first also compiles what all have in common
-    done = 1
+    made = [_picture_of(kinds[0], device, lanes)]  # the first also compiles what all have in common
     for kind, found in _side_by_side(kinds[1:], device, lanes, jobs):
-        done += 1
-        report(done / len(kinds), kind.name)
-        notes |= dict.fromkeys(found)
+        made.append(found)
+        report(len(made) / len(kinds), kind.name)
     folder = cache_of(open_device(device, lanes).device).folder
-    return Warmed(len(kinds), time.perf_counter() - begun, str(folder), tuple(notes))
+    notes = dict.fromkeys(note for each in made for note in each.notes)
+    seconds = time.perf_counter() - begun
+    return Warmed(len(kinds), seconds, str(folder), all(each.kept for each in made), tuple(notes))
 
 
-def _picture_of(kind: Kind, device: int | str | None, lanes: int | None) -> list[str]:
-    """Makes a picture of this kind. Returns what it notes about compiled kernels."""
-    scene = kind.scene()
+def _picture_of(kind: Kind, device: int | str | None, lanes: int | None) -> _Made:
+    """Makes a picture of this kind."""
+    scene, before = kind.scene(), times_lost()
     layers: dict[str, Any] = {"layers": True} if kind.layers else {}
     result = Renderer(scene, device, lanes).render(CAMERA, SIZE, kind.technique, lighting=kind.lighting, **layers)
-    return [note for note in result.stats.notes if note not in scene.notes]
+    return _Made(times_lost() == before, tuple(note for note in result.stats.notes if note not in scene.notes))
 
 
 def _side_by_side(
     kinds: Sequence[Kind], device: int | str | None, lanes: int | None, jobs: int
-) -> Iterator[tuple[Kind, list[str]]]:
-    """Makes the pictures, in `jobs` processes. Yields each kind that is finished, with its notes."""
+) -> Iterator[tuple[Kind, _Made]]:
+    """Makes the pictures, in `jobs` processes. Yields each kind that is finished."""
     if jobs == 1:
         for kind in kinds:
             yield kind, _picture_of(kind, device, lanes)

@@ -57,6 +57,16 @@ def test_pictures_compile_nothing_afterwards(tmp_path: Path, jobs: str) -> None:
     assert int(count) >= 2 and same == "True", after.stderr
 
 
+def test_a_damaged_cache_is_mended_and_no_failure(tmp_path: Path) -> None:
+    command = ["-m", "clpeel", "warm-up", "--techniques", "layer-count", "--jobs", "1"]
+    assert run(command, tmp_path).returncode == 0
+    for file in tmp_path.rglob("*.kernels"):
+        file.write_bytes(file.read_bytes()[:-9])
+    mended = run(command, tmp_path)
+    assert mended.returncode == 0
+    assert re.match(r"clpeel: note: compiled kernels kept in '.*' were damaged; .*\nclpeel: \d+ kinds", mended.stderr)
+
+
 def test_it_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     done = run(["-m", "clpeel", "warm-up", "--techniques", "layer-count"], tmp_path / "file")
@@ -81,5 +91,5 @@ def test_what_cannot_be_is_refused(options: dict, message: str) -> None:
 def test_progress_names_each_kind() -> None:
     told: list[tuple[float, str]] = []
     warmed = warm_up(["layer-count"], progress=lambda done, text: told.append((done, text)))
-    assert warmed.kinds == len(told) and told[-1][0] == 1.0 and warmed.notes == ()
+    assert warmed.kinds == len(told) and told[-1][0] == 1.0 and warmed.kept and warmed.notes == ()
     assert [done for done, _ in told] == sorted(done for done, _ in told) and told[0][1].startswith("layer-count, ")
