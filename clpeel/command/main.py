@@ -15,9 +15,8 @@ from importlib import import_module
 
 from clpeel.command.parser import parse
 from clpeel.command.streams import fill_standard_streams, print_text, quiet_libraries, say, silence, standard_output
+from clpeel.command.terminal import EXIT_BROKEN_PIPE, EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_TERMINATED
 from clpeel.errors import ClpeelError
-
-EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE, EXIT_TERMINATED = 1, 130, 141, 143
 
 
 def run_table(options: argparse.Namespace) -> int:

@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from clpeel.checks import parse_memory
 from clpeel.command.inputs import load_files, make_camera
 from clpeel.command.outputs import check_apart, check_picture, check_writable, write
 from clpeel.command.streams import check_standard_output, print_text, quiet_libraries, say, say_notes
-from clpeel.command.terminal import Progress
+from clpeel.command.terminal import EXIT_INTERRUPTED, Progress
 from clpeel.errors import InputError
 
-EXIT_INTERRUPTED = 130
+if TYPE_CHECKING:
+    from clpeel.scene.scene import Scene
+
+
+def _begin(options: argparse.Namespace) -> tuple[Callable[[], Scene], str, Progress]:
+    """Check the memory and the device. Then return a function that reads the files, their name, and the progress bar.
+
+    Raises InputError or NoDeviceError.
+    """
+    from clpeel.device.devices import find_device
+
+    if options.memory is not None:
+        parse_memory(options.memory)
+    find_device(options.device)
+    load, name = load_files(options)
+    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    progress(0.0, f"reading {name}")
+    return load, name, progress
 
 
 def run_compare(options: argparse.Namespace) -> int:
@@ -27,17 +46,10 @@ def run_compare(options: argparse.Namespace) -> int:
         check_standard_output()  # the table goes there
 
     import clpeel
-    from clpeel.device.devices import find_device
     from clpeel.study.compare import check_choice
 
     check_choice(options.techniques, options.precisions)
-    if options.memory is not None:
-        parse_memory(options.memory)
-    find_device(options.device)
-
-    load, name = load_files(options)
-    progress = Progress(enabled=not (options.quiet or options.no_progress))
-    progress(0.0, f"reading {name}")
+    load, name, progress = _begin(options)
     code = 0
     try:
         scene = load()
@@ -95,16 +107,9 @@ def run_complexity(options: argparse.Namespace) -> int:
     import clpeel
     from clpeel.command.terminal import format_complexity
     from clpeel.device.cache import take_notes
-    from clpeel.device.devices import find_device
     from clpeel.pictures.png import encode_png
 
-    if options.memory is not None:
-        parse_memory(options.memory)
-    find_device(options.device)
-
-    load, name = load_files(options)
-    progress = Progress(enabled=not (options.quiet or options.no_progress))
-    progress(0.0, f"reading {name}")
+    load, _, progress = _begin(options)
     try:
         scene = load()
         camera = make_camera(options, scene)

@@ -8,6 +8,9 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
+EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE, EXIT_TERMINATED = 1, 130, 141, 143
+"""Exit codes of the command. Those of clpeel's own errors are in errors.py."""
+
 Figures = Mapping[str, Any]
 """Numbers, texts and lists of these, by name."""
 
