@@ -32,9 +32,9 @@
 #endif
 
 // --- lanes ------------------------------------------------------------------------------------------------------
-// A lane that has a tile to itself waits for nobody. Without barriers a compiler sees one region of code, and without
-// the OUTLINE functions a shorter one: it then takes half the time. OUTLINE is for what runs once a strip, a tile or 16
-// records, where the call costs nothing.
+// A lane that has a tile to itself waits for nobody, so it needs no barriers. Compilers take half the time then: a
+// kernel without barriers is one region of code, and OUTLINE functions are compiled apart from it. OUTLINE is for what
+// runs once a strip, a tile or 16 records, where a call costs nothing.
 #if LANES == 1
 #define LANE 0
 #define BARRIER
