@@ -74,6 +74,12 @@ CLIPPED_FACE = 0xFFFF
 It is greater than any last column, so the face itself is not drawn.
 """
 
+QUERY_LINES = 8
+"""Cache lines that an occlusion query is counted in (peel_passes.h)."""
+
+PASSED, LEFT_OVER = 0, 1
+"""What an occlusion query counts, as places in each of its lines: samples that pass, and samples with layers left."""
+
 RUN_MAX = 256
 """How many fragments of a pixel fit private memory at once. Deeper pixels are sorted in global memory (sorting.h)."""
 
@@ -110,6 +116,43 @@ PADDING = 16
 
 It is also how many numbers a cache line has. Binning writes unwanted numbers to a line of their own (binning.cl).
 """
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The render targets of a technique that is executed by passes (peel_passes.h, targets.h).
+
+    depths: depth targets that fragments are blended into. bounds: how many of the last of these the next pass compares
+    with. colors: colour targets. facing: whether fragments say from which side they are seen. racing: whether fragments
+    read and write the targets without atomics, as on the hardware of Liu, Wei and Xu (2006).
+    """
+
+    depths: int
+    bounds: int
+    colors: int
+    facing: bool = False
+    racing: bool = False
+
+    @property
+    def constants(self) -> dict[str, int]:
+        """The constants of a kernel with these targets."""
+        counts = {"TARGETS": self.depths, "BOUNDS": self.bounds, "COLOR_TARGETS": self.colors}
+        return {"PASSES": 1, **counts, "RACING": int(self.racing)}
+
+    @property
+    def take_turns(self) -> bool:
+        """Whether all depth targets are compared with in the next pass. Two sets of them then take turns."""
+        return self.bounds == self.depths
+
+    @property
+    def pixel_bytes(self) -> int:
+        """Bytes of a pixel in all buffers together. Besides targets there are three numbers of 4 bytes."""
+        return FRAGMENT_BYTES * (self.depths + self.bounds) + COLOR_BYTES * self.colors + 12
+
+    @property
+    def widest_bytes(self) -> int:
+        """Bytes of a pixel in the largest of the buffers."""
+        return max(FRAGMENT_BYTES * self.depths, COLOR_BYTES * self.colors)
 
 
 @dataclass(frozen=True)

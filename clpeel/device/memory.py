@@ -49,9 +49,14 @@ class Budget:
         """The most bytes that the lists of one batch may take."""
         return min(self.lists, self.largest, MOST_LISTED)
 
+    @property
+    def drawing(self) -> int:
+        """Bytes for a batch's fragments, and for buffers of its pixels."""
+        return self.nbytes - self.lists
+
     def capacity(self, fragment_bytes: int, widest: int) -> int:
         """How many fragments there is room for.
 
         fragment_bytes: of one fragment, in all buffers together. widest: of one fragment, in the largest buffer.
         """
-        return min((self.nbytes - self.lists) // fragment_bytes, self.largest // widest, MAX_PLACES)
+        return min(self.drawing // fragment_bytes, self.largest // widest, MAX_PLACES)

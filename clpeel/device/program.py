@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -112,14 +113,17 @@ def cut(gpu: Workspace, items: int, most: int | None = None) -> tuple[int, int]:
     return size, -(-max(items, 1) // size)
 
 
-def launch(gpu: Workspace, stage: str, kernel: Kernel, groups: int, lanes: int | None = None, **arguments: Any) -> None:
+def launch(
+    gpu: Workspace, stage: str, kernel: Kernel, groups: int, lanes: int | None = None, **arguments: Any
+) -> cl.Event | None:
     """Enqueues a kernel: `groups` work-groups of `lanes` work-items or, if lanes is None, `groups` work-items.
 
     The number of work-items is then rounded up to a multiple of GROUP. stage: the stage that the time counts for.
-    arguments: by the kernel's own names, each exactly once. Raises TypeError if one is missing or unknown.
+    arguments: by the kernel's own names, each exactly once. Returns the launch's event, or None if there are no groups.
+    Raises TypeError if an argument is missing or unknown.
     """
     if groups == 0:
-        return
+        return None
     if arguments.keys() != set(kernel.names):
         raise TypeError(f"{kernel.kernel.function_name}: arguments {sorted(set(kernel.names) ^ arguments.keys())}")
     kernel.kernel.set_args(*(arguments[name] for name in kernel.names))
@@ -128,6 +132,12 @@ def launch(gpu: Workspace, stage: str, kernel: Kernel, groups: int, lanes: int |
         groups = -(-groups // lanes)
     event = cl.enqueue_nd_range_kernel(gpu.queue, kernel.kernel, (groups * lanes,), (lanes,))
     gpu.events.append((stage, kernel.kernel.function_name, event))
+    return event
+
+
+def seconds_of(events: Iterable[cl.Event]) -> float:
+    """The seconds that these launches took, by the device's clock. They must be done."""
+    return sum(event.profile.end - event.profile.start for event in events) * 1e-9
 
 
 def device_seconds(gpu: Workspace) -> tuple[dict[str, float], dict[str, float]]:
@@ -136,7 +146,7 @@ def device_seconds(gpu: Workspace) -> tuple[dict[str, float], dict[str, float]]:
     stages: dict[str, float] = {}
     kernels: dict[str, float] = {}
     for stage, kernel, event in gpu.events:
-        seconds = (event.profile.end - event.profile.start) * 1e-9
+        seconds = seconds_of([event])
         stages[stage] = stages.get(stage, 0.0) + seconds
         kernels[kernel] = kernels.get(kernel, 0.0) + seconds
     gpu.events.clear()

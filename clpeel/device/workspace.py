@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import DTypeLike, NDArray
+
+LONG_ATOMICS = {"cl_khr_int64_base_atomics", "cl_khr_int64_extended_atomics"}
 
 
 @dataclass(eq=False)
@@ -29,6 +32,11 @@ class Workspace:
     buffers: dict[str, cl.Buffer] = field(default_factory=dict)
     events: list[tuple[str, str, cl.Event]] = field(default_factory=list)
     sent: list[cl.Event] = field(default_factory=list)
+
+    @cached_property
+    def long_atomics(self) -> bool:
+        """Whether the device compares and exchanges integers of 64 bits atomically."""
+        return LONG_ATOMICS <= set(self.device.extensions.split())
 
     def buffer(self, name: str, nbytes: int) -> cl.Buffer:
         """The buffer of that name, with at least nbytes. It is kept and only grows: later pictures allocate nothing."""

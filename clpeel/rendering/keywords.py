@@ -18,6 +18,8 @@ class Keywords(TypedDict, total=False):
     """Whether the result has the layers of every pixel."""
     opaque: Literal["first", "blend"]
     """Draw opaque surfaces first (default), or blend them as any other."""
+    execution: Literal["tiles", "passes"]
+    """Draw tile by tile (default), or pass by pass as the papers do, where the technique can."""
     depth_format: Literal["float32-reversed", "float32", "unorm24", "rgba8"]
     """What is kept of depths (default: float32-reversed)."""
     precision: Literal["float32", "half", "unorm8"]
@@ -38,6 +40,8 @@ class Keywords(TypedDict, total=False):
     """Multi-layer-peeling: the order in which these writes land."""
     torn_writes: bool
     """Multi-layer-peeling: of two writes that meet, each commits half."""
+    racing_writes: bool
+    """Multi-layer-peeling by passes: read and write without atomics, and repeat passes until all is right."""
     variant: Literal["exact", "total", "first-solid"]
     """Of thickness: what lies within surfaces, from first to last, or the first solid (default: exact)."""
     scale_bar: bool

@@ -15,6 +15,7 @@ from clpeel.options import MEMORY, Kind, Options, option
 Size = tuple[int, int]
 Lighting = Literal["none", "headlight"]
 Opaque = Literal["first", "blend"]
+Execution = Literal["tiles", "passes"]
 
 SAMPLES_A_SIDE = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples of a pixel, and samples on its side. The side divides that of a tile, so a pixel's samples share a tile."""
@@ -41,7 +42,8 @@ class PictureOptions(Options):
 
     size: (width, height) in pixels. background: three numbers 0..1, text such as "white", or None for straight alpha.
     memory: bytes of the device's memory that the scene and all buffers except the picture may take, or text such as
-    "512M"; None for a share of the device's memory.
+    "512M"; None for a share of the device's memory. execution: "tiles" makes all passes of a tile in one kernel.
+    "passes" is the papers' machine: launches over all fragments and all pixels, with atomics as the blending hardware.
     """
 
     size: Size = option((1024, 1024), Kind(_checked_size, metavar="W,H"), help="width and height in pixels")
@@ -60,6 +62,9 @@ class PictureOptions(Options):
     keep_color: bool = option(True, help="whether the result has the float32 colour besides the 8-bit picture")
     layers: bool = option(False, Kind(checked_layers), help="whether the result has the layers of every pixel")
     opaque: Opaque = option("first", help="draw opaque surfaces first (default), or blend them as any other")
+    execution: Execution = option(
+        "tiles", help="draw tile by tile (default), or pass by pass as the papers do, where the technique can"
+    )
     depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
 
     def check_together(self) -> None:

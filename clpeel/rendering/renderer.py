@@ -137,7 +137,9 @@ class Renderer:
             triangles,
             picture.begin(request.picture.side, request.picture.over),
             capacity_of(request.technique, triangles.features, budget),
+            budget,
             watcher(request, tiles),
+            request.targets,
         )
         drawn = [draw(frame, batch, request) for batch in batches]
         clamped_pixels = picture.fetch()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
 from clpeel.rendering.options import PictureOptions, Size, checked_layers
@@ -98,6 +99,11 @@ class Request:
         return self.picture.lighting != "none"
 
     @property
+    def targets(self) -> Targets | None:
+        """The technique's render targets if it is to be executed by passes, else None."""
+        return self.technique.targets(self.options) if self.picture.execution == "passes" else None
+
+    @property
     def opaque_first(self) -> bool:
         """Whether opaque surfaces are drawn first, so that nothing behind them is drawn."""
         return self.picture.opaque == "first" and not self.technique.all_surfaces
@@ -123,7 +129,21 @@ def checked_options(technique: str, given: Mapping[str, object]) -> tuple[Pictur
     picture = PictureOptions(**shared)
     if picture.layers and technique != AUTO:
         technique_named(technique).peeled(options)  # raises InputError if layers may be lost
+    if picture.execution == "passes":
+        check_passes(technique, options)
+    elif getattr(options, "racing_writes", False):
+        raise InputError("racing_writes: expected execution='passes' with it, got 'tiles', where no writes meet")
     return picture, options
+
+
+def check_passes(technique: str, options: Options) -> None:
+    """Raises InputError if the technique cannot be executed by passes with these options."""
+    having = [name for name, each in TECHNIQUES.items() if each.has_passes]
+    if technique not in having:
+        raise InputError(
+            f"execution: expected 'tiles' for the technique {technique!r}, got 'passes', which {', '.join(having)} have"
+        )
+    technique_named(technique).targets(options)
 
 
 def check_names(technique: str, given: Mapping[str, object]) -> None:

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from clpeel.rendering.request import Request
     from clpeel.stages.projection import Triangles
 
+N = TypeVar("N", int, float)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stats(Mapping[str, Any]):
@@ -36,6 +38,8 @@ class Stats(Mapping[str, Any]):
     """
 
     technique: str
+    execution: str
+    """By "tiles" or by "passes"."""
     depth_format: str
     passes: int
     """Geometry passes, as the papers count them."""
@@ -241,9 +245,12 @@ def stats_of(
         buffers["values"] = picture.values.nbytes
     width, height = request.picture.size
     own = dict(finished.stats)
+    if any(repeat for part in drawn for _, repeat in part.pass_keys):
+        own["inner_passes"] = inner_passes(drawn)
     changed: dict[str, Any] = {name: own.pop(name) for name in CHANGED if name in own}
     return Stats(
         technique=technique.name,
+        execution=request.picture.execution,
         depth_format=request.picture.depth_format,
         passes=max(min(technique.least_passes, len(samples_passed)), passed),
         passes_issued=len(samples_passed),
@@ -265,7 +272,7 @@ def stats_of(
         kernel_seconds=kernel_seconds,
         bytes=buffers,
         bytes_per_pixel=sum(buffers.values()) / (width * height),
-        buffer_bytes_per_pixel=technique.buffer_bytes(layers_max, request.options)
+        buffer_bytes_per_pixel=technique_bytes(request, layers_max)
         + (opaque_bytes(request.options) if triangles.features.surfaces == "mixed" else 0),
         device=gpu.device.name.strip(),
         lanes=gpu.lanes,
@@ -274,23 +281,38 @@ def stats_of(
     )
 
 
-def sums(parts: Iterable[tuple[tuple[tuple[int, int], ...], tuple[int, ...]]]) -> list[int]:
+def technique_bytes(request: Request, layers: int) -> int:
+    """Bytes that the technique stores for a sample with so many transparent layers."""
+    targets = request.targets
+    return request.technique.buffer_bytes(layers, request.options) if targets is None else targets.pixel_bytes
+
+
+def inner_passes(drawn: Sequence[Drawn]) -> list[int]:
+    """How many passes each peel took, where passes are repeated until nothing is written."""
+    peels = Counter(peel for peel, _ in {key for part in drawn for key in part.pass_keys})
+    return [peels[peel] for peel in sorted(peels)]
+
+
+def sums(parts: Iterable[tuple[tuple[tuple[int, int], ...], tuple[N, ...]]]) -> list[N]:
     """Adds up the parts' numbers key by key, and returns the sums in the order of the keys.
 
     parts: for each part its keys and its numbers. A part may lack some keys.
     """
-    found: Counter[tuple[int, int]] = Counter()
+    found: dict[tuple[int, int], N] = {}
     for keys, numbers in parts:
         for key, number in zip(keys, numbers, strict=True):
-            found[key] += number
+            found[key] = found[key] + number if key in found else number
     return [found[key] for key in sorted(found)]
 
 
 def seconds_per_pass(seconds: float, found: Sequence[Drawn]) -> list[float]:
     """The seconds of each geometry pass, out of the technique's seconds.
 
-    The rest of them is composition, and drawing opaque surfaces. Without ticks, all passes get equal shares.
+    The rest of them is composition, and drawing opaque surfaces. If each pass has launches of its own, it is what these
+    took. Otherwise it follows from the kernel's ticks. Without ticks, all passes get equal shares.
     """
+    if any(drawn.pass_seconds for drawn in found):
+        return sums((drawn.keys, drawn.pass_seconds) for drawn in found)
     issued = len({key for drawn in found for key in drawn.keys})
     ticks = sum(drawn.ticks for drawn in found)
     if ticks == 0 or issued == 0:

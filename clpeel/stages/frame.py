@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
+from clpeel.device.layout import Targets
 from clpeel.stages.binning import Batch
 from clpeel.stages.many_passes import PassRules, peel
 from clpeel.stages.one_pass import draw_once
 from clpeel.stages.opaque import draw_opaque
+from clpeel.stages.passes import Peeler, add_up
 from clpeel.stages.tiles import Canvas, Drawn
 
 
@@ -27,8 +29,14 @@ class Peeled(PassRules, Protocol):
     def constants(self) -> dict[str, int]: ...
 
 
+@dataclass(frozen=True)
 class Frame(Canvas):
-    """A canvas, and the ways to draw a batch on it."""
+    """A canvas, and the ways to draw a batch on it.
+
+    targets: the technique's render targets if it is executed by passes (passes.py), or None if it is by tiles.
+    """
+
+    targets: Targets | None = None
 
     def built_for(self, **features: object) -> Frame:
         """The same frame for kernels that are compiled for other features.
@@ -54,6 +62,8 @@ class Frame(Canvas):
         that cannot change any channel by more, 0..1; None draws all. parameters: the kernel's own numbers; a max_error
         takes their place.
         """
+        if self.targets is not None:
+            return add_up(self, batch, kernel, constants, self.targets)
         bounds, numbers = _bounded(max_error, parameters)
         return draw_once(self, batch, kernel, {**constants, **bounds}, scratch_bytes, numbers)
 
@@ -74,6 +84,9 @@ class Frame(Canvas):
         """
         bounds, numbers = _bounded(options.max_error, parameters)
         defines = {**(constants or {}), **bounds, **options.constants}
+        if self.targets is not None:
+            peeler = Peeler(self, kernel, options, defines, self.targets, first_passes, numbers)
+            return peeler.draw(batch)
         return peel(self, batch, kernel, options, defines, first_passes, layers_a_pass, numbers)
 
     def opaque(self, batch: Batch, constants: Mapping[str, int]) -> Drawn:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clpeel.device.layout import TILE
+from clpeel.device.memory import Budget
 from clpeel.device.program import Arguments, Kernel, launch
 from clpeel.device.records import SCREEN
 from clpeel.device.workspace import Workspace
@@ -33,7 +34,8 @@ class Drawn:
     each pass that was issued. truncated_pixels: samples with layers that no pass reached. hidden: the greatest
     transmittance in front of such layers, which bounds what they could have changed in any channel. opaque_samples:
     samples with an opaque surface; fragments behind it do not count. pass_ticks, ticks: clock ticks of each pass and
-    of everything; 0 where the device's kernels have no clock. pass_keys: as `keys`, if passes are repeated, else empty.
+    of everything; 0 where the device's kernels have no clock. pass_seconds: seconds of each pass, if each has launches
+    of its own, else empty. pass_keys: as `keys`, if passes are repeated, else empty.
     """
 
     fragments: int
@@ -44,6 +46,7 @@ class Drawn:
     opaque_samples: int = 0
     pass_ticks: tuple[int, ...] = ()
     ticks: int = 0
+    pass_seconds: tuple[float, ...] = ()
     pass_keys: tuple[tuple[int, int], ...] = ()
 
     @property
@@ -59,14 +62,16 @@ class Drawn:
 class Canvas:
     """What all batches of a picture are drawn with.
 
-    target: the picture, as arguments of kernels (Picture.begin). capacity: how many fragments there is room for.
-    watch: gives, for a batch, the function to call as its tiles are drawn; None if progress is not reported.
+    target: the picture, as arguments of kernels (Picture.begin). capacity: how many of the technique's fragments there
+    is room for. budget: the memory in bytes. watch: gives, for a batch, the function to call as its tiles are drawn;
+    None if progress is not reported.
     """
 
     gpu: Workspace
     triangles: Triangles
     target: Arguments
     capacity: int
+    budget: Budget
     watch: Callable[[Batch], AtTile] | None = None
 
     def arguments(self, batch: Batch, parameters: Sequence[float] = ()) -> Arguments:

@@ -76,7 +76,7 @@ def count_fragments(gpu: Workspace, triangles: Triangles, batch: Batch) -> Count
     pixel_end = gpu.buffer("pixel_end", 4 * TILE_PIXELS * batch.tiles)
     tile_totals = gpu.buffer("tile_totals", WINDOW_TOTALS.itemsize * batch.tiles)
     kernel = program(gpu, "stages/windows.cl", triangles.features)["count_fragments"]
-    outputs = {"pixel_end": pixel_end, "tile_totals": tile_totals}
+    outputs = {"z_far": None, "pixel_end": pixel_end, "tile_totals": tile_totals}
     launch(gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk_arguments(triangles, batch), **outputs)
     totals = gpu.get(tile_totals, batch.tiles, WINDOW_TOTALS)
     return Counts(totals["fragments"].astype(np.int64), totals["layers"].astype(np.int64), pixel_end)

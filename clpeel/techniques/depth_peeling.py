@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
+from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES, Targets
 from clpeel.techniques.peeling import Peeling
 from clpeel.techniques.technique import Count, Technique
 
@@ -26,6 +26,7 @@ class DepthPeeling(Technique[Peeling]):
     options = Peeling
     exact = True
     paper_precision = "unorm8"
+    has_passes = True
 
     def passes_for(self, layers: Count, options: Peeling) -> Count:
         """N passes for N layers (Everitt 2001)."""
@@ -38,6 +39,10 @@ class DepthPeeling(Technique[Peeling]):
     def peeled(self, options: Peeling) -> tuple[int, int]:
         """One layer a pass from the front, and none from the back."""
         return ALL_LAYERS if options.passes is None else options.passes, 0
+
+    def targets(self, options: Peeling) -> Targets:
+        """The depth buffers of this pass and of the one before, which take turns, and the colour."""
+        return Targets(depths=1, bounds=1, colors=1)
 
     def draw(self, frame: Frame, batch: Batch, options: Peeling) -> Drawn:
         """Peels until nothing is left, or `passes` times."""

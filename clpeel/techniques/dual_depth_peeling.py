@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
+from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES, Targets
 from clpeel.techniques.peeling import Peeling
 from clpeel.techniques.technique import Count, Technique
 
@@ -27,6 +27,7 @@ class DualDepthPeeling(Technique[Peeling]):
     exact = True
     least_passes = 1  # the first pass finds the outermost layers and peels none
     paper_precision = "unorm8"
+    has_passes = True
 
     def passes_for(self, layers: Count, options: Peeling) -> Count:
         """N / 2 + 1 passes for N layers, and (N + 1) / 2 + 1 where N is odd (Bavoil and Myers 2008)."""
@@ -39,6 +40,10 @@ class DualDepthPeeling(Technique[Peeling]):
     def peeled(self, options: Peeling) -> tuple[int, int]:
         """One layer a peel from the front and one from the back; all layers if `passes` does not limit the peels."""
         return (ALL_LAYERS, 0) if options.passes is None else (options.passes, options.passes)
+
+    def targets(self, options: Peeling) -> Targets:
+        """The min-max depth buffers of this pass and of the one before, and the colours of front and back."""
+        return Targets(depths=2, bounds=2, colors=2)
 
     def draw(self, frame: Frame, batch: Batch, options: Peeling) -> Drawn:
         """Peels until nothing is left, or `passes` times after the first pass."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from clpeel.device.layout import FRAGMENT_BYTES
+from clpeel.device.layout import FRAGMENT_BYTES, Targets
 from clpeel.options import count, option
 from clpeel.techniques.peeling import CoincidentName, Peeling
 from clpeel.techniques.precision import Blending
@@ -39,6 +39,7 @@ class Glowscript(Technique[GlowscriptOptions]):
     kernel = "techniques/glowscript.cl"
     options = GlowscriptOptions
     paper_precision = "unorm8"
+    has_passes = True
 
     def passes_for(self, layers: Count, options: GlowscriptOptions) -> Count:
         """Always `passes`: without an occlusion query it cannot know that fewer would do."""
@@ -51,6 +52,10 @@ class Glowscript(Technique[GlowscriptOptions]):
     def peeled(self, options: GlowscriptOptions) -> tuple[int, int]:
         """One layer a peel from the front, and none from the back."""
         return options.passes, 0
+
+    def targets(self, options: GlowscriptOptions) -> Targets:
+        """The depths of this peel and of the one before, which take turns, and the colours of all peels."""
+        return Targets(depths=1, bounds=1, colors=MOST_PEELS)
 
     def draw(self, frame: Frame, batch: Batch, options: GlowscriptOptions) -> Drawn:
         """Peels `passes` times."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
-from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES
+from clpeel.device.layout import ALL_LAYERS, FRAGMENT_BYTES, Targets
 from clpeel.errors import InputError
 from clpeel.options import count, option
 from clpeel.techniques.peeling import Peeling
@@ -54,7 +54,8 @@ class MultiLayerOptions(Peeling):
     hazard_window: how many fragments of a pixel write at once (a wave); None for atomic writes, or TORN_WINDOW with
     torn_writes. hazard_order: the order in which the writes of a wave land. "nearest-last" keeps the paper's bound of M
     passes; with "arrival" they land as the fragments arrive. torn_writes: of two writes that meet, each commits half of
-    its targets.
+    its targets. racing_writes: only with execution="passes": fragments of a pixel read and write its targets at the
+    same time and without atomics, as on the paper's hardware.
     """
 
     layers_per_pass: int = option(
@@ -68,6 +69,10 @@ class MultiLayerOptions(Peeling):
     )
     hazard_order: HazardOrder = option("nearest-last", help="multi-layer-peeling: the order in which these writes land")
     torn_writes: bool = option(False, help="multi-layer-peeling: of two writes that meet, each commits half")
+    racing_writes: bool = option(
+        False,
+        help="multi-layer-peeling by passes: read and write without atomics, and repeat passes until all is right",
+    )
 
     @property
     def simulates_hazards(self) -> bool:
@@ -75,16 +80,17 @@ class MultiLayerOptions(Peeling):
         return self.hazard_window is not None or self.torn_writes
 
     def check_together(self) -> None:
-        """Raises InputError if an option would end the passes of a simulation: they end when nothing is written.
+        """Raises InputError if an option would end passes that are repeated: they end when nothing is written.
 
         Also raises the errors of Peeling.
         """
-        if self.simulates_hazards:
+        if self.simulates_hazards or self.racing_writes:
             given = dict(self.given())
+            other = "hazard_window" if self.simulates_hazards else "racing_writes"
             for name in sorted(given.keys() & {"passes", "occlusion_query", "max_error"}):
-                raise InputError(
-                    f"{name}: expected none with hazard_window: its passes end when nothing is written; got one"
-                )
+                raise InputError(f"{name}: expected none with {other}: its passes end when nothing is written; got one")
+        if self.simulates_hazards and self.racing_writes:
+            raise InputError("racing_writes: expected no hazard_window and no torn_writes with it, got both")
         super().check_together()
 
 
@@ -97,6 +103,7 @@ class MultiLayerPeeling(Technique[MultiLayerOptions]):
     options = MultiLayerOptions
     exact = True
     paper_precision = "unorm8"
+    has_passes = True
 
     def passes_for(self, layers: Count, options: MultiLayerOptions) -> Count:
         """N / M passes for N layers, rounded up (Liu, Wei and Xu 2006)."""
@@ -121,6 +128,15 @@ class MultiLayerPeeling(Technique[MultiLayerOptions]):
     def variants(self) -> tuple[MultiLayerOptions, ...]:
         """The default number of layers a pass, 2, 4 and 16. More than 16 do not stay in a processor's registers."""
         return tuple(MultiLayerOptions(layers_per_pass=layers) for layers in (layers_per_pass(), 2, 4, 16))
+
+    def targets(self, options: MultiLayerOptions) -> Targets:
+        """A slot for each layer of a pass, z-near and the colour.
+
+        Raises InputError if hazards are simulated.
+        """
+        if options.simulates_hazards:
+            raise InputError("execution: expected 'tiles' with hazard_window and torn_writes, got 'passes'")
+        return Targets(depths=options.layers_per_pass, bounds=1, colors=1, racing=options.racing_writes)
 
     def draw(self, frame: Frame, batch: Batch, options: MultiLayerOptions) -> Drawn:
         """Peels until nothing is left, or `passes` times.

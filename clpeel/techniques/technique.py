@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
 
 from clpeel.checks import Rgb
-from clpeel.device.layout import FRAGMENT_BYTES
+from clpeel.device.layout import FRAGMENT_BYTES, Targets
 from clpeel.options import Options, options_of
 from clpeel.techniques.precision import DEFAULT_PRECISION, Blending, PrecisionName
 
@@ -58,6 +58,9 @@ class Technique(Generic[O]):
     stores_fragments: ClassVar[bool] = False
     """Whether it stores all of a pixel's fragments at once. The memory must then be enough for them."""
 
+    has_passes: ClassVar[bool] = False
+    """Whether it can be executed by passes, as the papers' hardware does, besides tile by tile."""
+
     scratch_bytes: ClassVar[int] = 0
     """Further bytes that it needs for each fragment, if a pixel has very many."""
 
@@ -75,6 +78,13 @@ class Technique(Generic[O]):
         Raises InputError if with these options layers may be lost.
         """
         return None
+
+    def targets(self, options: O) -> Targets:
+        """Its render targets where it is executed by passes (`has_passes`).
+
+        Raises InputError if with these options it cannot be.
+        """
+        raise NotImplementedError
 
     def variants(self) -> tuple[O, ...]:
         """The options among which `auto` may choose."""

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 
 from clpeel.checks import Rgb
-from clpeel.device.layout import FRAGMENT_BYTES
+from clpeel.device.layout import FRAGMENT_BYTES, Targets
+from clpeel.errors import InputError
 from clpeel.options import RANGE, Options, option
 from clpeel.techniques.maps import MapOptions, paint
 from clpeel.techniques.peeling import Peeling
@@ -106,6 +107,18 @@ class Thickness(Measuring[ThicknessOptions]):
     )
     kernel = "techniques/thickness.cl"
     options = ThicknessOptions
+    has_passes = True
+
+    def targets(self, options: ThicknessOptions) -> Targets:
+        """The two channels that MIN blending keeps, and the foremost colour.
+
+        Raises InputError for "exact", which sorts all fragments.
+        """
+        if options.variant == "exact":
+            raise InputError(
+                "execution: expected 'tiles' for the variant 'exact', got 'passes'; total and first-solid have it"
+            )
+        return Targets(depths=2, bounds=0, colors=1, facing=True)
 
     def draw(self, frame: Frame, batch: Batch, options: ThicknessOptions) -> Drawn:
         """Draws a batch. Colours are not needed, so fragments have none of their own."""

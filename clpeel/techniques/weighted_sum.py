@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from clpeel.device.layout import FRAGMENT_BYTES
+from clpeel.device.layout import FRAGMENT_BYTES, Targets
 from clpeel.techniques.precision import Blending
 from clpeel.techniques.technique import Technique
 
@@ -25,10 +25,15 @@ class Sums(Technique[Blending]):
     least_passes = 1
     paper_precision = "half"
     stores_fragments = True
+    has_passes = True
 
     def buffer_bytes(self, layers: int, options: Blending) -> int:
         """All fragments of a sample. They are stored until they can be added up in the order of submission."""
         return FRAGMENT_BYTES * layers
+
+    def targets(self, options: Blending) -> Targets:
+        """The sums. How many fragments there are is counted besides."""
+        return Targets(depths=0, bounds=0, colors=1)
 
     def draw(self, frame: Frame, batch: Batch, options: Blending) -> Drawn:
         """Draws the batch in one geometry pass."""

@@ -31,6 +31,11 @@
 #define CONVERT(type, count, value) PASTE(convert_, PASTE(type, count))(value)
 #endif
 
+// How a technique is executed: see frames/peeling.h.
+#ifndef PASSES
+#define PASSES 0
+#endif
+
 // --- lanes ------------------------------------------------------------------------------------------------------
 // A lane that has a tile to itself waits for nobody, so it needs no barriers. Compilers take half the time then: a
 // kernel without barriers is one region of code, and OUTLINE functions are compiled apart from it. OUTLINE is for what

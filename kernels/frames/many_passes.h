@@ -11,9 +11,11 @@
 //   PEELED                                  how many layers of a pixel one pass peels
 //   Buffers                                 what it keeps of a strip's pixels
 //   clear_buffers(buffers)
-//   begin_pass(buffers)                     returns how many samples are known to pass, without being visited
-//   pass_samples(buffers, covered, fragments)   blends the fragments of a strip's covered samples into the depth
-//                                           buffers; returns which of them passed
+//   begin_pass(buffers, pass)               what the pass before found becomes what this one compares with; returns
+//                                           how many samples are known to pass, without being visited
+//   passes(buffers, covered, fragments)     which fragments of a strip's covered samples pass these comparisons
+//   pass_samples(buffers, covered, fragments)   blends the fragments that pass into the depth buffers; returns which
+//                                           these are
 //   peeled(buffers, i)                      payloads of the i-th layer that the pass has peeled, or NO_PAYLOAD
 //   blend_peeled(buffers, i, colors)        blends that layer into the colour buffers
 //   end_pass(buffers, least_seen)           returns where there is more to peel; where the transmittance in front of
@@ -31,7 +33,7 @@
 #define PEEL_H
 
 #include "stages/opaque.h"
-#include "fragments/comparing.h"
+#include "frames/merging.h"
 
 #ifndef REPEATS
 #define REPEATS 0
@@ -93,7 +95,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         while (pass < most_passes && (left_over || !occlusion_query)) {
             ulong begun = TICKS();
             passed = 0, left_over = false;
-            for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own);
+            for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own, pass);
             VISITS((1u << TILE_BLOCKS) - 1)
             VECTOR(uint) key = keys_of(t, weight, screen.depth_scale);
             if (MIXED) {
@@ -150,37 +152,23 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             if (!REPEATS && lane == 0) add_long(totals_of_pass + 2, TICKS() - begun);
         }
         // --- merging the buffers, and totals ------------------------------------------------------------------------
-        uint truncated = 0, deepest = 0, hidden = 0;
+        Ends ends = {0, 0, 0};
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
             Colors merged = MIXED ? behind[own] : clear;
-            VECTOR(float) seen = seen_through(buffers + own);
-            more[own] |= stopped[own];
 #if VALUES
             Found measured;
-#if BOUNDED
-            measured = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(seen) & more[own]);
-            merge(buffers + own, &merged);
-#else
-            merge(buffers + own, &merged, parameters, &measured);
-#endif
+            merge_strip(buffers + own, more[own] | stopped[own], layers[own], &merged, &ends, parameters, &measured);
             found[own * LANES + lane] = measured;
 #else
-            merge(buffers + own, &merged);
+            merge_strip(buffers + own, more[own] | stopped[own], layers[own], &merged, &ends);
 #endif
-            for (int k = 0; k < STRIP; ++k) {
-                float through = ((const float *)&seen)[k];
-                deepest = MAX(deepest, ((const uint *)(layers + own))[k]);
-                if (!((const int *)(more + own))[k] || !(through > 0.0f)) continue;
-                ++truncated;
-                hidden = MAX(hidden, as_uint(through));
-            }
             layer[own * LANES + lane] = merged;
         }
         atomic_add(totals + PEEL_FRAGMENTS, fragments);
-        atomic_max(totals + PEEL_LAYERS, deepest);
+        atomic_max(totals + PEEL_LAYERS, ends.deepest);
         atomic_max(totals + PEEL_PASSES, REPEATS ? endless : pass + (uint)(passed && !left_over && pass < most_passes));
-        atomic_add(totals + PEEL_TRUNCATED, truncated);
-        atomic_max(totals + PEEL_HIDDEN, hidden);
+        atomic_add(totals + PEEL_TRUNCATED, ends.truncated);
+        atomic_max(totals + PEEL_HIDDEN, ends.hidden);
         atomic_add(totals + PEEL_OPAQUE, solid);
         BARRIER;
         for (int k = lane; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];

@@ -6,19 +6,37 @@
 //   pixel_end     where each pixel's list ends among those of its tile: inclusive prefix sums of the counts, pixels in
 //                 the order of base/common.h
 //   tile_totals   fragments of the tile, and fragments of its deepest pixel
-#include "stages/walk.h"
+#include "stages/opaque.h"
 
+// Whether fragments lie in front of the opaque surface: -1, or 0 where not. With BY_DEPTH those that lie exactly on it
+// do not. z_far: see stages/opaque.h.
+#ifndef BY_DEPTH
+#define BY_DEPTH 0
+#endif
+INLINE VECTOR(int) is_in_front(VECTOR(uint) key, uint source, VECTOR(ulong) z_far)
+{
+    VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
+    submitted |= (VECTOR(ulong))((ulong)(BY_DEPTH ? 0xFFFFFFFFu : source));
+    return CONVERT(int, STRIP, submitted < z_far);
+}
+
+// z_far: of each pixel of the tiles, where surfaces are MIXED; else NULL.
 kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                            Screen screen, global uint *pixel_end, global uint2 *tile_totals)
+                            Screen screen, global const ulong *z_far, global uint *pixel_end, global uint2 *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
     ENTER_TILE
+    if (MIXED) list_begin = transparent_from(triangles, pairs, list_begin, list_end);
     VECTOR(uint) counts[STRIPS_A_LANE];
     for (int own = 0; own < STRIPS_A_LANE; ++own) counts[own] = (VECTOR(uint))(0);
 
     VISITS((1u << TILE_BLOCKS) - 1)
+#if MIXED
+    global const ulong *far = z_far + tile * TILE_PIXELS + block * BLOCK_PIXELS + FIRST_PIXEL;
+    covered &= is_in_front(keys_of(t, weight, screen.depth_scale), t->source, *(global const VECTOR(ulong) *)far);
+#endif
     counts[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
     END_VISITS
 

@@ -10,9 +10,10 @@
 // The first pass peels nothing: it finds the outermost layers. Each later pass peels two layers and finds the next two.
 // So N layers take N / 2 + 1 passes, and (N + 1) / 2 + 1 where N is odd. Where both fronts meet at one fragment, it
 // belongs to the front.
-#include "fragments/comparing.h"
-
 #define PEELED 2
+#define SLOTS 0
+#define IS_MAX(i) ((i) == 1)
+#include "fragments/targets.h"
 
 typedef struct {
     Row nearest, farthest, next_nearest, next_farthest;
@@ -35,7 +36,7 @@ INLINE VECTOR(int) has_back(const Buffers *b)
 }
 
 // The pass before found the fragments at the two depths. So they pass, without being visited again.
-INLINE uint begin_pass(Buffers *b)
+INLINE uint begin_pass(Buffers *b, uint pass)
 {
     b->nearest = b->next_nearest, b->farthest = b->next_farthest;
     clear_to(&b->next_nearest, FARTHEST_KEY);
@@ -43,9 +44,14 @@ INLINE uint begin_pass(Buffers *b)
     return POPCOUNT(BITS_OF(is_there(&b->nearest))) + POPCOUNT(BITS_OF(has_back(b)));
 }
 
+INLINE VECTOR(int) passes(const Buffers *b, VECTOR(int) covered, const Row *fragments)
+{
+    return covered & is_behind(fragments, &b->nearest) & is_behind(&b->farthest, fragments);
+}
+
 INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
-    VECTOR(int) between = covered & is_behind(fragments, &b->nearest) & is_behind(&b->farthest, fragments);
+    VECTOR(int) between = passes(b, covered, fragments);
     if (BITS_OF(between) == 0) return between;
     VECTOR(int) nearer = b->next_farthest.key > fragments->key, farther = fragments->key > b->next_farthest.key;
     if (!BY_DEPTH) farther = ~nearer;  // of equal depths, the last to arrive is the farthest
@@ -92,4 +98,52 @@ INLINE void merge(const Buffers *b, Colors *merged)
     *merged = front;
 }
 
-#include "frames/many_passes.h"
+#if PASSES
+INLINE Row *target(Buffers *b, int i) { return i == 0 ? &b->next_nearest : &b->next_farthest; }
+INLINE Row *bound(Buffers *b, int i) { return i == 0 ? &b->nearest : &b->farthest; }
+INLINE Colors *color_target(Buffers *b, int i) { return i == 0 ? &b->front : &b->back; }
+
+// MAX blending of float2(-depth, depth).
+INLINE bool pass_atomically(volatile global Place *min_max, uint plane, uint key, uint payload, int step)
+{
+    blend_min_atomically(min_max, plane, key, payload, step);
+    blend_max_atomically(min_max + plane, plane, key, payload, step);
+    return false;
+}
+
+// "Blending on the Fly": the fragment at the nearest depth blends itself under the front. It is the only one of its
+// pixel and pass. So MAX blending of the colours, which only grow, is a plain write. 1 - Adst is the third component
+// that MAX blending is applied to. MAX of 1 - Adst is MIN of Adst. Read as signed integers, floats that are not
+// negative are in their order, and a negative one, which rounding may leave where alpha is 1, is below them.
+#define ON_THE_FLY 1
+INLINE void blend_on_the_fly(const Buffers *b, VECTOR(int) there, const Row *fragments, VECTOR(uint) pixel,
+                             global const void *colors_of_fragments, global Colors *front)
+{
+    VECTOR(int) nearest = there & (fragments->key == b->nearest.key) & (fragments->payload == b->nearest.payload);
+    uint bits = BITS_OF(nearest);
+    if (bits == 0) return;
+    VECTOR(int) payload = SELECT(nearest, fragments->payload, (VECTOR(int))(NO_PAYLOAD));
+    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, PASTE(as_, VECTOR(uint))(payload));
+    Colors source, destination;
+    fetch_colors(&fragment, 1, colors_of_fragments, &source);
+    clear_buffer(&destination);
+    for (uint left = bits; left; left &= left - 1) {
+        int k = LOWEST_BIT(left);
+        uint place = ((const uint *)&pixel)[k];
+        global const float *from = (global const float *)(front + place / STRIP) + place % STRIP;
+        ((float *)&destination.red)[k] = from[0], ((float *)&destination.green)[k] = from[STRIP];
+        ((float *)&destination.blue)[k] = from[2 * STRIP], ((float *)&destination.alpha)[k] = from[3 * STRIP];
+    }
+    blend_under(&destination, &source);
+    for (; bits; bits &= bits - 1) {
+        int k = LOWEST_BIT(bits);
+        uint place = ((const uint *)&pixel)[k];
+        global float *to = (global float *)(front + place / STRIP) + place % STRIP;
+        to[0] = ((const float *)&destination.red)[k], to[STRIP] = ((const float *)&destination.green)[k];
+        to[2 * STRIP] = ((const float *)&destination.blue)[k];
+        atomic_min((volatile global int *)(to + 3 * STRIP), as_int(((const float *)&destination.alpha)[k]));
+    }
+}
+#endif
+
+#include "frames/peeling.h"

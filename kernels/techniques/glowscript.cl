@@ -7,64 +7,69 @@
 //
 // The merge is
 //   C1.rgb C1.a + (1 - C1.a) (C2.rgb C2.a + (1 - C2.a) (C3.rgb C3.a + (1 - C3.a) (C4.rgb C4.a + (1 - C4.a) C0))).
-#include "fragments/comparing.h"
-
 #define PEELED 1
+#define SLOTS 1
+#include "fragments/targets.h"
+
 #define MOST_PEELS 4
 
 typedef struct {
     Row z_near, slot;
     VECTOR(int) more;
     Colors peel[MOST_PEELS];
-    uint peels;
+    uint pass;
 } Buffers;
 
 INLINE void clear_buffers(Buffers *b)
 {
-    clear_to(&b->z_near, NEAREST_KEY);
-    b->peels = 0;
+    clear_to(&b->slot, NEAREST_KEY);  // all fragments lie behind this
+    for (int k = 0; k < MOST_PEELS; ++k) clear_sums(b->peel + k);  // with alpha 0, so that merging changes nothing
 }
 
-INLINE uint begin_pass(Buffers *b)
+INLINE uint begin_pass(Buffers *b, uint pass)
 {
+    b->z_near = b->slot;
     clear_to(&b->slot, FARTHEST_KEY);
     b->more = (VECTOR(int))(0);
+    b->pass = pass;
     return 0;
+}
+
+INLINE VECTOR(int) passes(const Buffers *b, VECTOR(int) covered, const Row *fragments)
+{
+    return covered & is_behind(fragments, &b->z_near);
 }
 
 INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
-    VECTOR(int) between = covered & is_behind(fragments, &b->z_near);
+    VECTOR(int) between = passes(b, covered, fragments);
     VECTOR(int) nearer = between & (fragments->key < b->slot.key);
     VECTOR(int) other = between & is_there(&b->slot);
     if (BY_DEPTH) other &= fragments->key != b->slot.key;
     b->more |= other;
     replace(&b->slot, nearer, fragments);
-    return nearer;
+    return between;
 }
 
 INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot.payload; }
 
-INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { store_color(b->peel + b->peels++, colors); }
+INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { store_color(b->peel + b->pass, colors); }
 
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
-    VECTOR(int) found = is_there(&b->slot);
-    clear_to(&b->z_near, FARTHEST_KEY);
-    replace(&b->z_near, found, &b->slot);
-    return b->more;
+    return b->more;  // where the slot is empty, its key lets nothing pass any more
 }
 
 INLINE VECTOR(float) seen_through(const Buffers *b)
 {
     VECTOR(float) transmittance = (VECTOR(float))(1.0f);
-    for (uint k = 0; k < b->peels; ++k) transmittance *= 1.0f - read_channel(b->peel[k].alpha);
+    for (int k = 0; k < MOST_PEELS; ++k) transmittance *= 1.0f - read_channel(b->peel[k].alpha);
     return transmittance;
 }
 
 INLINE void merge(const Buffers *b, Colors *merged)
 {
-    for (uint k = b->peels; k > 0; --k) {
+    for (int k = MOST_PEELS; k > 0; --k) {
         Colors peel;
         read_color(b->peel + k - 1, &peel);
         Colors front = {peel.alpha * peel.red, peel.alpha * peel.green, peel.alpha * peel.blue, 1.0f - peel.alpha};
@@ -73,4 +78,15 @@ INLINE void merge(const Buffers *b, Colors *merged)
     }
 }
 
-#include "frames/many_passes.h"
+#if PASSES
+INLINE Row *target(Buffers *b, int i) { return &b->slot; }
+INLINE Row *bound(Buffers *b, int i) { return &b->z_near; }
+INLINE Colors *color_target(Buffers *b, int i) { return b->peel + i; }
+
+INLINE bool pass_atomically(volatile global Place *slot, uint plane, uint key, uint payload, int step)
+{
+    return insert_atomically(slot, plane, key, payload, step);
+}
+#endif
+
+#include "frames/peeling.h"

@@ -47,7 +47,7 @@ INLINE void clear_buffers(Buffers *b)
     clear_buffer(&b->color);
 }
 
-INLINE uint begin_pass(Buffers *b)
+INLINE uint begin_pass(Buffers *b, uint pass)
 {
     for (int k = 0; k < STRIP; ++k) b->arrived[k] = 0, b->last[k] = b->before[k] = ABSENT;
     b->written = (VECTOR(int))(0);

@@ -7,16 +7,17 @@
 //
 // One work-item owns a pixel, so a fragment is inserted before the next one comes. Nothing is lost to concurrent
 // writes, and a pass is never repeated. With HAZARD_WINDOW, that number of concurrent writes is simulated instead
-// (techniques/multi-layer-hazards.h).
+// (techniques/multi-layer-hazards.h). With PASSES, work-items share the pixels: the insertion is then a cascade of atomic
+// exchanges (insert_atomically, fragments/targets.h), or with RACING the paper's plain reads and writes (multi-layer-races.h).
 //
 // Loops over the slots are unrolled explicitly. Where PoCL 3.0's compiler may choose, it gets one of three slots wrong,
 // with strips of fewer than 16 pixels.
-#include "fragments/comparing.h"
-
 #ifndef LAYERS_A_PASS
 #define LAYERS_A_PASS 8
 #endif
 #define PEELED LAYERS_A_PASS
+#define SLOTS LAYERS_A_PASS
+#include "fragments/targets.h"
 
 #ifdef HAZARD_WINDOW
 #include "techniques/multi-layer-hazards.h"
@@ -31,31 +32,38 @@ INLINE VECTOR(float) seen_through(const Buffers *b) { return read_channel(b->col
 
 INLINE void clear_buffers(Buffers *b)
 {
-    clear_to(&b->z_near, NEAREST_KEY);
+    clear_to(b->slot + LAYERS_A_PASS - 1, NEAREST_KEY);  // all fragments lie behind this
     clear_buffer(&b->color);
 }
 
-INLINE uint begin_pass(Buffers *b)
+// The z-near buffer gets the depths of the last target (Table 1).
+INLINE uint begin_pass(Buffers *b, uint pass)
 {
+    b->z_near = b->slot[LAYERS_A_PASS - 1];
     UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i) clear_to(b->slot + i, FARTHEST_KEY);
     b->more = (VECTOR(int))(0);
     return 0;
 }
 
+INLINE VECTOR(int) passes(const Buffers *b, VECTOR(int) covered, const Row *fragments)
+{
+    return covered & is_behind(fragments, &b->z_near);
+}
+
 INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
     const Row *last = b->slot + LAYERS_A_PASS - 1;
-    VECTOR(int) passed = covered & is_behind(fragments, &b->z_near);
+    VECTOR(int) behind = passes(b, covered, fragments), stored = behind;
     if (BY_DEPTH)
         UNROLL for (int i = 0; i < LAYERS_A_PASS; ++i)  // skip a depth that is in a slot already
-            passed &= fragments->key != b->slot[i].key;
-    b->more |= passed & is_there(last);  // this one or the last slot's is left over
-    passed &= fragments->key < last->key;
-    if (LAYERS_A_PASS > 2 && BITS_OF(passed) == 0) return passed;
+            stored &= fragments->key != b->slot[i].key;
+    b->more |= stored & is_there(last);  // this one or the last slot's is left over
+    stored &= fragments->key < last->key;
+    if (LAYERS_A_PASS > 2 && BITS_OF(stored) == 0) return behind;
     // From the last slot to the first, each slot takes one of three: the fragment of the slot before it, where the new
     // one is in front of that; the new one, where it is in front of this slot alone; else what it has. A new one that
-    // has not passed gets the farthest key, so it changes nothing.
-    VECTOR(int) key = SELECT(passed, fragments->key, (VECTOR(int))(FARTHEST_KEY));
+    // is not stored gets the farthest key, so it changes nothing.
+    VECTOR(int) key = SELECT(stored, fragments->key, (VECTOR(int))(FARTHEST_KEY));
     UNROLL for (int i = LAYERS_A_PASS - 1; i > 0; --i) {
         Row *slot = b->slot + i, *before = slot - 1;
         VECTOR(int) moved = SELECT(key < before->key, before->payload, fragments->payload);
@@ -64,7 +72,7 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *frag
     }
     b->slot[0].payload = SELECT(key < b->slot[0].key, fragments->payload, b->slot[0].payload);
     b->slot[0].key = MIN(b->slot[0].key, key);
-    return passed;
+    return behind;
 }
 
 INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot[i].payload; }
@@ -72,11 +80,11 @@ INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot[i].payload; 
 // Nothing passes any more where the last slot is empty, or where too little behind it could be seen.
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
-    const Row *last = b->slot + LAYERS_A_PASS - 1;
-    VECTOR(int) left = is_there(last) & (seen_through(b) > (VECTOR(float))(least_seen));
-    clear_to(&b->z_near, FARTHEST_KEY);
-    replace(&b->z_near, left, last);
-    return b->more & is_there(last) & (b->color.alpha > (VECTOR(float))(0.0f));
+    Row *last = b->slot + LAYERS_A_PASS - 1, none;
+    VECTOR(int) there = is_there(last), left = there & (seen_through(b) > (VECTOR(float))(least_seen));
+    clear_to(&none, FARTHEST_KEY);
+    replace(last, ~left, &none);
+    return b->more & there & (b->color.alpha > (VECTOR(float))(0.0f));
 }
 #endif
 
@@ -90,4 +98,19 @@ INLINE void merge(const Buffers *b, Colors *merged)
     *merged = front;
 }
 
-#include "frames/many_passes.h"
+#if PASSES
+INLINE Row *target(Buffers *b, int i) { return b->slot + i; }
+INLINE Row *bound(Buffers *b, int i) { return &b->z_near; }
+INLINE Colors *color_target(Buffers *b, int i) { return &b->color; }
+
+#if RACING
+#include "techniques/multi-layer-races.h"
+#else
+INLINE bool pass_atomically(volatile global Place *slot, uint plane, uint key, uint payload, int step)
+{
+    return insert_atomically(slot, plane, key, payload, step);
+}
+#endif
+#endif
+
+#include "frames/peeling.h"

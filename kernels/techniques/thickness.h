@@ -117,9 +117,9 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
 
 #else
 
-#include "fragments/comparing.h"
-
 #define PEELED 2
+#define SLOTS 0
+#include "fragments/targets.h"
 
 // --- by MIN blending ------------------------------------------------------------------------------------------------
 // The two channels of the article's render target, each with the fragment whose depth it is; and the foremost colour.
@@ -135,12 +135,14 @@ INLINE void clear_buffers(Buffers *b)
     b->color.red = b->color.green = b->color.blue = b->color.alpha = (VECTOR(float))(0.0f);
 }
 
-INLINE uint begin_pass(Buffers *b) { return 0; }
+INLINE uint begin_pass(Buffers *b, uint pass) { return 0; }
 
 INLINE void blend_min(Row *channel, VECTOR(int) covered, const Row *source)
 {
     replace(channel, covered & (source->key < channel->key), source);
 }
+
+INLINE VECTOR(int) passes(const Buffers *b, VECTOR(int) covered, const Row *fragments) { return covered; }
 
 INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *fragments)
 {
@@ -205,7 +207,25 @@ INLINE void merge(const Buffers *b, Colors *merged, global const float *paramete
     measure(covered, length, ~paired, &b->color, parameters, merged, found);
 }
 
-#include "frames/many_passes.h"
+#if PASSES
+INLINE Row *target(Buffers *b, int i) { return i == 0 ? &b->red : &b->green; }
+INLINE Row *bound(Buffers *b, int i) { return 0; }
+INLINE Colors *color_target(Buffers *b, int i) { return &b->color; }
+
+INLINE bool pass_atomically(volatile global Place *red, uint plane, uint key, uint payload, int step)
+{
+    volatile global Place *green = red + plane;
+#if VARIANT == TOTAL
+    blend_min_atomically(red, plane, key, payload, step);
+    blend_min_atomically(green, plane, ~key, payload, step);
+#else
+    blend_min_atomically(payload & 1 ? green : red, plane, key, payload, step);
+#endif
+    return false;
+}
+#endif
+
+#include "frames/peeling.h"
 
 #endif
 #endif

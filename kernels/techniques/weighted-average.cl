@@ -8,7 +8,7 @@
 // Where A is small, float32 loses the coverage 1 - (1 - A)^n, because 1 - A rounds to one. So the power is computed as
 // a pair of floats, by squaring, which gives the same bits on every device. Colours are the sums times coverage /
 // sum(Ai). This factor is one where there is one fragment, and is used only where sum(Ai) is not zero.
-#include "fragments/sums.h"
+#include "fragments/blending.h"
 #include "base/wide.h"
 
 typedef struct { VECTOR(float) high, low; } Parts;  // an unevaluated sum
@@ -40,10 +40,8 @@ INLINE void through_all(VECTOR(float) alpha, VECTOR(uint) n, Parts *power)
     }
 }
 
-INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
-                          VECTOR(uint) count, global const void *colors, Colors *resolved)
+INLINE void weigh(VECTOR(uint) count, Colors *resolved)
 {
-    add_up(fragments, begin, step, count, colors, resolved);
     // The paper's buffer also counts the fragments. In 16-bit floats it counts to 2048, as one more is rounded away. In
     // 8 bits it counts steps, to 255.
     VECTOR(uint) n = PRECISION ? MIN(count, (VECTOR(uint))(PRECISION == 1 ? 2048 : 255)) : count;
@@ -56,4 +54,4 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     resolved->alpha = power.high + power.low;
 }
 
-#include "frames/one_pass.h"
+#include "frames/adding.h"

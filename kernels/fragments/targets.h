@@ -1,0 +1,192 @@
+// Render targets for depths: the papers' depth buffers in global memory, into which fragments are blended by atomics, as
+// hardware does for a float target with MIN or MAX blending.
+//
+// A target keeps one fragment of each pixel. Target i is a plane: its places are those from i * plane on, in the order
+// of pixels (base/common.h). Keys are unsigned and in the order of depths (fragments/depth.h), so atomics on integers
+// compare depths. The papers blend MAX of (-depth, depth). MAX of -depth is MIN of depth, and that is how it is kept
+// here: a key needs no sign.
+//
+//   ATOMICS_64   a place is one integer, key << 32 | payload. atom_min and atom_max compare depth and submission in one
+//                go. For this the device has cl_khr_int64_extended_atomics.
+//   otherwise    keys are in the first TARGETS planes, and payloads in as many planes behind them. One launch blends the
+//                keys. A second launch over the same fragments settles which one is kept of equal keys.
+//
+// The code of a technique is the same for both. It gets the `step` of the launch: which words this one blends.
+//
+// Before it includes this file, the technique may define
+//   IS_MAX(i)   whether target i is blended by MAX, and not by MIN
+// From the host come TARGETS, how many there are, and BOUNDS, how many of the last of these the next pass compares with.
+#ifndef TARGETS_H
+#define TARGETS_H
+
+#include "fragments/comparing.h"
+
+#if PASSES
+
+#ifndef IS_MAX
+#define IS_MAX(i) 0
+#endif
+
+#if ATOMICS_64
+#pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
+#pragma OPENCL EXTENSION cl_khr_int64_extended_atomics : enable
+#endif
+#define LONG_PLACES (ATOMICS_64 || RACING)  // plain writes of 64 bits need no atomics
+#if LONG_PLACES
+typedef ulong Place;
+#else
+typedef uint Place;
+#endif
+
+// Which words of a fragment a launch blends.
+#define WHOLE 0
+#define KEYS 1
+#define PAYLOADS 2
+
+// Reads a word that others write atomically meanwhile. On a CPU a load of an aligned word is atomic. Elsewhere an
+// atomic operation that changes nothing is the only such read that OpenCL 1.2 has.
+#if CPU_TARGET
+#define READ(word) (*(word))
+#define READ_LONG(word) (*(word))
+#else
+#define READ(word) atomic_or(word, 0u)
+#define READ_LONG(word) atom_or(word, 0ul)
+#endif
+
+// Of equal keys the first submitted is kept, and of a MAX target the last one. BY_DEPTH keeps the first there, too, so
+// payloads are written there in the reverse order.
+INLINE VECTOR(int) as_written(int i, VECTOR(int) payload)
+{
+    if (!BY_DEPTH || !IS_MAX(i)) return payload;
+    return SELECT(payload < (VECTOR(int))(0), payload, (VECTOR(int))(0x7FFFFFFF) - payload);
+}
+
+// --- rows of targets ------------------------------------------------------------------------------------------------
+INLINE VECTOR(int) signed_key(VECTOR(uint) key) { return PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)); }
+INLINE VECTOR(uint) unsigned_key(VECTOR(int) key) { return PASTE(as_, VECTOR(uint))(key) ^ (VECTOR(uint))(0x80000000u); }
+
+// The fragments that target i of `count` has of a strip. from: the place of the strip's first pixel in plane 0.
+INLINE void load_row(global const Place *from, uint plane, int count, int i, Row *row)
+{
+#if LONG_PLACES
+    VECTOR(ulong) word = *(global const VECTOR(ulong) *)(from + (size_t)i * plane);
+    VECTOR(uint) key = CONVERT(uint, STRIP, word >> (VECTOR(ulong))(32)), payload = CONVERT(uint, STRIP, word);
+#else
+    VECTOR(uint) key = *(global const VECTOR(uint) *)(from + (size_t)i * plane);
+    VECTOR(uint) payload = *(global const VECTOR(uint) *)(from + (size_t)(count + i) * plane);
+#endif
+    row->key = signed_key(key);
+    row->payload = as_written(TARGETS - count + i, PASTE(as_, VECTOR(int))(payload));
+}
+
+INLINE void store_row(global Place *to, uint plane, int count, int i, const Row *row)
+{
+    VECTOR(uint) key = unsigned_key(row->key);
+    VECTOR(uint) payload = PASTE(as_, VECTOR(uint))(as_written(TARGETS - count + i, row->payload));
+#if LONG_PLACES
+    VECTOR(ulong) word = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32) | CONVERT(ulong, STRIP, payload);
+    *(global VECTOR(ulong) *)(to + (size_t)i * plane) = word;
+#else
+    *(global VECTOR(uint) *)(to + (size_t)i * plane) = key;
+    *(global VECTOR(uint) *)(to + (size_t)(count + i) * plane) = payload;
+#endif
+}
+
+// The same for pixels anywhere, where `present` is -1. Places are below 2^30.
+INLINE void gather_row(global const Place *from, uint plane, int count, int i, VECTOR(uint) pixel, VECTOR(int) present,
+                       Row *row)
+{
+#if LONG_PLACES
+#ifdef __ENDIAN_LITTLE__
+    const uint high = 1;
+#else
+    const uint high = 0;
+#endif
+    VECTOR(uint) at = (pixel + (VECTOR(uint))(i * plane)) * (VECTOR(uint))(2);
+    VECTOR(uint) key = gather((global const uint *)from, at + (VECTOR(uint))(high), present);
+    VECTOR(uint) payload = gather((global const uint *)from, at + (VECTOR(uint))(1 - high), present);
+#else
+    VECTOR(uint) key = gather(from, pixel + (VECTOR(uint))(i * plane), present);
+    VECTOR(uint) payload = gather(from, pixel + (VECTOR(uint))((count + i) * plane), present);
+#endif
+    row->key = signed_key(key);
+    row->payload = as_written(TARGETS - count + i, PASTE(as_, VECTOR(int))(payload));
+}
+
+#if !RACING
+// --- blending -------------------------------------------------------------------------------------------------------
+// Each of these blends one fragment into the places of its pixel. target: the pixel's place in the target's plane.
+INLINE void blend_min_atomically(volatile global Place *target, uint plane, uint key, uint payload, int step)
+{
+#if ATOMICS_64
+    ulong word = (ulong)key << 32 | payload;
+    if (word < READ_LONG(target)) atom_min(target, word);
+#else
+    if (step == KEYS && key < READ(target)) atomic_min(target, key);
+    if (step == PAYLOADS && key == *target) atomic_min(target + (size_t)TARGETS * plane, payload);
+#endif
+}
+
+INLINE void blend_max_atomically(volatile global Place *target, uint plane, uint key, uint payload, int step)
+{
+    if (BY_DEPTH) payload = 0x7FFFFFFF - payload;
+#if ATOMICS_64
+    ulong word = (ulong)key << 32 | payload;
+    if (word > READ_LONG(target)) atom_max(target, word);
+#else
+    // Payloads are signed here, as NO_PAYLOAD is less than any of them.
+    if (step == KEYS && key > READ(target)) atomic_max(target, key);
+    if (step == PAYLOADS && key == *target)
+        atomic_max((volatile global int *)(target + (size_t)TARGETS * plane), (int)payload);
+#endif
+}
+
+// --- sorted slots ---------------------------------------------------------------------------------------------------
+#if SLOTS
+// Inserts a fragment into the sorted slots of its pixel: an insertion sort of which each exchange is atomic. It leaves
+// the nearer one of two in a slot and carries the farther one on to the next. A slot only ever gets nearer ones. So one
+// that is nearer already can be passed by, whatever others do meanwhile, and the order in which fragments come does not
+// matter. Returns whether a fragment is left over behind the last slot.
+INLINE bool insert_atomically(volatile global Place *slot, uint plane, uint key, uint payload, int step)
+{
+#if ATOMICS_64
+    const ulong same_depth = BY_DEPTH ? 0xFFFFFFFFul : 0ul;  // the bits in which fragments that count as one may differ
+    ulong carried = (ulong)key << 32 | payload, last = READ_LONG(slot + (size_t)(SLOTS - 1) * plane);
+    if (carried >= last) return (carried | same_depth) != (last | same_depth);
+    for (int i = 0; i < SLOTS; ++i, slot += plane) {
+        ulong there = READ_LONG(slot);
+        if (carried > there && (carried | same_depth) != (there | same_depth)) continue;
+        there = atom_min(slot, carried);
+        if (there == ABSENT || (there | same_depth) == (carried | same_depth)) return false;
+        carried = MAX(there, carried);
+    }
+    return true;
+#else
+    if (step == KEYS) {
+        uint carried = key, last = READ(slot + (size_t)(SLOTS - 1) * plane);
+        if (carried >= last) return !BY_DEPTH || carried != last;
+        for (int i = 0; i < SLOTS; ++i, slot += plane) {
+            uint there = READ(slot);
+            if (carried > there || (!BY_DEPTH && carried == there)) continue;
+            there = atomic_min(slot, carried);
+            if (there == (uint)ABSENT || (BY_DEPTH && there == carried)) return false;
+            carried = MAX(there, carried);
+        }
+        return true;
+    }
+    // The slots of equal keys are one run. Their payloads are sorted in the same way.
+    for (int i = 0; i < SLOTS; ++i, slot += plane) {
+        if (*slot < key) continue;
+        if (*slot > key) return false;
+        uint there = atomic_min(slot + (size_t)TARGETS * plane, payload);
+        if (there == (uint)ABSENT) return false;
+        payload = MAX(there, payload);
+    }
+    return false;
+#endif
+}
+#endif
+#endif
+
+#endif
+#endif
