@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,7 @@ class Workspace:
     events: list[tuple[str, str, cl.Event]] = field(default_factory=list)
     sent: list[cl.Event] = field(default_factory=list)
 
-    @cached_property
+    @property
     def long_atomics(self) -> bool:
         """Whether the device compares and exchanges integers of 64 bits atomically."""
         return LONG_ATOMICS <= set(self.device.extensions.split())

@@ -185,6 +185,8 @@ class Peeler(Machine):
             "tile_totals": gpu.buffer("window_totals", PEEL_TOTALS.itemsize * window.tiles),
         }
         self._clear(first_run=True)
+        if not targets.bounds:
+            self.over_pixels("clear_targets")
 
     def _clear(self, first_run: bool) -> None:
         self.held["first_run"] = first_run
@@ -208,7 +210,8 @@ class Peeler(Machine):
 
     def _pass(self, number: int, turn: int) -> Iterator[cl.Event]:
         """Launches a pass: clear, peel, blend. turn: its place in the query."""
-        yield self.over_pixels("clear_targets")
+        if self.targets.bounds:
+            yield self.over_pixels("clear_targets")
         yield from self._peel_fragments(turn)
         yield self._blend(number)
 

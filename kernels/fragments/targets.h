@@ -92,25 +92,83 @@ INLINE void store_row(global Place *to, uint plane, int count, int i, const Row 
 #endif
 }
 
-// The same for pixels anywhere, where `present` is -1. Places are below 2^30.
-INLINE void gather_row(global const Place *from, uint plane, int count, int i, VECTOR(uint) pixel, VECTOR(int) present,
-                       Row *row)
+// --- the same for pixels anywhere -------------------------------------------------------------------------------------
+// Where STRIP fragments of the stream fall: neighbours of a large triangle often fall into consecutive pixels, so that
+// words can be loaded side by side.
+typedef struct {
+    VECTOR(uint) pixel;
+    VECTOR(int) present;
+    bool consecutive;
+} Places;
+
+typedef VECTOR(uint) AnyWords __attribute__((aligned(4)));  // vectors usually begin at multiples of their own size
+typedef VECTOR(ulong) AnyLongs __attribute__((aligned(4)));
+
+// The words of these pixels: those at words[pixel * step]. Where a pixel is not present, any.
+INLINE VECTOR(uint) words_at(global const uint *words, uint step, const Places *at)
 {
+#if CPU_TARGET
+    if (at->consecutive) {
+        global const uint *from = words + (size_t)at->pixel.s0 * step;
+        if (step == 1) return *(global const AnyWords *)from;
+#ifdef __ENDIAN_LITTLE__
+        return CONVERT(uint, STRIP, *(global const AnyLongs *)from);  // the low word of each, which comes first
+#endif
+    }
+#endif
+    return gather(words, at->pixel * (VECTOR(uint))(step), at->present);
+}
+
+// Keys and payloads that target i of `count` has. Places are below 2^30.
 #if LONG_PLACES
 #ifdef __ENDIAN_LITTLE__
-    const uint high = 1;
+#define KEY_FIRST 0
 #else
-    const uint high = 0;
+#define KEY_FIRST 1
 #endif
-    VECTOR(uint) at = (pixel + (VECTOR(uint))(i * plane)) * (VECTOR(uint))(2);
-    VECTOR(uint) key = gather((global const uint *)from, at + (VECTOR(uint))(high), present);
-    VECTOR(uint) payload = gather((global const uint *)from, at + (VECTOR(uint))(1 - high), present);
+INLINE VECTOR(uint) keys_at(global const Place *from, uint plane, int i, const Places *at)
+{
+    return words_at((global const uint *)(from + (size_t)i * plane) + (1 - KEY_FIRST), 2, at);
+}
+INLINE VECTOR(uint) payloads_at(global const Place *from, uint plane, int count, int i, const Places *at)
+{
+    return words_at((global const uint *)(from + (size_t)i * plane) + KEY_FIRST, 2, at);
+}
 #else
-    VECTOR(uint) key = gather(from, pixel + (VECTOR(uint))(i * plane), present);
-    VECTOR(uint) payload = gather(from, pixel + (VECTOR(uint))((count + i) * plane), present);
+INLINE VECTOR(uint) keys_at(global const Place *from, uint plane, int i, const Places *at)
+{
+    return words_at(from + (size_t)i * plane, 1, at);
+}
+INLINE VECTOR(uint) payloads_at(global const Place *from, uint plane, int count, int i, const Places *at)
+{
+    return words_at(from + (size_t)(count + i) * plane, 1, at);
+}
 #endif
-    row->key = signed_key(key);
-    row->payload = as_written(TARGETS - count + i, PASTE(as_, VECTOR(int))(payload));
+
+// Whether fragments may be stored in target i, as it is now: -1, or 0 if they cannot be. A target only ever gets nearer
+// fragments (or farther ones, with MAX), so this may be asked while others write. It is asked on a CPU, for a strip at
+// once. Elsewhere each fragment asks for itself.
+INLINE VECTOR(int) may_be_stored(volatile global const Place *targets, uint plane, int i, const Places *at, VECTOR(uint) key)
+{
+#if CPU_TARGET
+    VECTOR(uint) now = keys_at((global const Place *)targets, plane, i, at);
+    return IS_MAX(i) ? key >= now : key <= now;
+#else
+    return (VECTOR(int))(-1);
+#endif
+}
+
+// What target i of `count` has, to be compared with fragments of these keys. Payloads are compared only of equal keys, so
+// only those are loaded.
+INLINE void row_at(global const Place *from, uint plane, int count, int i, const Places *at, VECTOR(uint) key, Row *row)
+{
+    VECTOR(uint) held = keys_at(from, plane, i, at);
+    Places same = *at;
+    same.present &= held == key;
+    row->key = signed_key(held);
+    row->payload = (VECTOR(int))(0);
+    if (BITS_OF(same.present))
+        row->payload = as_written(TARGETS - count + i, PASTE(as_, VECTOR(int))(payloads_at(from, plane, count, i, &same)));
 }
 
 #if !RACING

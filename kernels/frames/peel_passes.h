@@ -25,9 +25,11 @@
 //   target(buffers, i)           where it keeps what target i has
 //   bound(buffers, i)            where it keeps what it compares with
 //   color_target(buffers, i)     its colour buffers
+//   may_store(targets, plane, at, key)
+//                                whether fragments that pass may change a target, as far as is known now
 //   pass_atomically(target, plane, key, payload, step)
-//                                blends a fragment that passes into the depth targets of its pixel; returns whether one
-//                                is left over
+//                                blends such a fragment into the depth targets of its pixel; returns whether one is left
+//                                over behind the slots
 //   ON_THE_FLY                   1 if the first of the peeled layers is blended by its own fragment, in
 //   blend_on_the_fly(buffers, there, fragments, pixel, palette, colors)
 #ifndef PEEL_PASSES_H
@@ -82,58 +84,77 @@ kernel void begin_picture(uint strips, uint plane, int first_run, global Place *
     layers[strip] = left[strip] = (VECTOR(uint))(0);
 }
 
-kernel void clear_targets(uint strips, uint plane, uint first_pixel, uint last_pixel, global Place *targets,
-                          global Numbers *more)
+// Without bounds there is one pass. The targets of all runs are then merged together at last, so they are cleared once.
+kernel void clear_targets(uint strips, uint plane, global Place *targets, global Numbers *more)
 {
     uint strip = get_global_id(0);
     if (strip >= strips) return;
     Buffers buffers, *b = &buffers;
     clear_buffers(b);
     begin_pass(b, 0);
-    VECTOR(int) here = in_run(strip, first_pixel, last_pixel);
-    for (int i = 0; i < TARGETS; ++i) {
-        // Without bounds there is one pass, and the targets of all runs are merged together at last.
-        Row kept = *target(b, i);
-        if (!BOUNDS) load_row(targets + strip * STRIP, plane, TARGETS, i, &kept), replace(&kept, here, target(b, i));
-        store_row(targets + strip * STRIP, plane, TARGETS, i, &kept);
-    }
+    for (int i = 0; i < TARGETS; ++i) store_row(targets + strip * STRIP, plane, TARGETS, i, target(b, i));
     if (SLOTS) more[strip] = (VECTOR(uint))(0);
 }
 
 // --- over fragments: peel -------------------------------------------------------------------------------------------
+// Marks the pixels of these fragments (a bit each) as having one left over.
+INLINE void mark(volatile global uint *more, const Places *at, uint bits)
+{
+    for (; bits; bits &= bits - 1) {
+        volatile global uint *place = more + ((const uint *)&at->pixel)[LOWEST_BIT(bits)];
+        if (!READ(place)) atomic_or(place, ~0u);
+    }
+}
+
 // Goes over STRIP neighbours of the stream. colors_of_fragments: their own colours, or the palette.
 INLINE void pass_fragments(uint count, global const ulong *fragments, global const uint *pixels, uint plane,
                            global const Place *bounds, volatile global Place *targets, volatile global uint *more,
                            global const void *colors_of_fragments, global Colors *colors, volatile global uint *query,
                            uint turn, int step)
 {
-    uint at = get_global_id(0) * STRIP;
-    if (at >= count) return;
-    VECTOR(int) there = (VECTOR(uint))(at) + (VECTOR(uint))(IOTA) < (VECTOR(uint))(count);
-    VECTOR(ulong) some = *(global const VECTOR(ulong) *)(fragments + at);
-    VECTOR(uint) pixel = *(global const VECTOR(uint) *)(pixels + at);
+    uint first = get_global_id(0) * STRIP;
+    if (first >= count) return;
+    VECTOR(int) there = (VECTOR(uint))(first) + (VECTOR(uint))(IOTA) < (VECTOR(uint))(count);
+    VECTOR(ulong) some = *(global const VECTOR(ulong) *)(fragments + first);
+    VECTOR(uint) pixel = *(global const VECTOR(uint) *)(pixels + first);
+    VECTOR(int) consecutive = there & (pixel == (VECTOR(uint))(pixel.s0) + (VECTOR(uint))(IOTA));
+    Places places = {pixel, there, BITS_OF(consecutive) == (1u << STRIP) - 1}, *at = &places;
     VECTOR(uint) key = CONVERT(uint, STRIP, some >> (VECTOR(ulong))(32)), payload = CONVERT(uint, STRIP, some);
     Row arriving = {signed_key(key), PASTE(as_, VECTOR(int))(payload)};
     Buffers buffers, *b = &buffers;
-    for (int i = 0; i < BOUNDS; ++i) gather_row(bounds, plane, BOUNDS, i, pixel, there, bound(b, i));
+    for (int i = 0; i < BOUNDS; ++i) row_at(bounds, plane, BOUNDS, i, at, key, bound(b, i));
 #if ON_THE_FLY
     if (step != PAYLOADS) blend_on_the_fly(b, there, &arriving, pixel, colors_of_fragments, colors);
 #endif
-    uint passed = BITS_OF(passes(b, there, &arriving));
-    if (step != PAYLOADS && !RACING) add_to_query(query, turn, PASSED, POPCOUNT(passed));
-    uint written = 0;
-    for (; passed; passed &= passed - 1) {
-        int k = LOWEST_BIT(passed);
-        uint place = ((const uint *)&pixel)[k];
+    VECTOR(int) passed = passes(b, there, &arriving);
+    if (BITS_OF(passed) == 0) return;
 #if RACING
-        bool left_over = false;
-        written += write_racing(targets + place, plane, ((const ulong *)&some)[k], &left_over);
-#else
-        bool left_over = pass_atomically(targets + place, plane, ((const uint *)&key)[k], ((const uint *)&payload)[k], step);
-#endif
-        if (SLOTS && left_over && !READ(more + place)) atomic_or(more + place, ~0u);
+    uint written = 0;
+    for (uint left = BITS_OF(passed); left; left &= left - 1) {
+        int k = LOWEST_BIT(left);
+        bool left_over;
+        written += write_racing(targets + ((const uint *)&pixel)[k], plane, ((const ulong *)&some)[k], &left_over);
+        if (left_over) mark(more, at, 1u << k);
     }
-    if (RACING) add_to_query(query, turn, PASSED, written);
+    add_to_query(query, turn, PASSED, written);
+#else
+    if (step != PAYLOADS) add_to_query(query, turn, PASSED, POPCOUNT(BITS_OF(passed)));
+    VECTOR(int) stored = passed & may_store(targets, plane, at, key);
+#if SLOTS
+    if (step != PAYLOADS) {
+        VECTOR(int) behind_slots = passed & ~stored;
+        if (CPU_TARGET && BITS_OF(behind_slots))
+            behind_slots &= words_at((global const uint *)more, 1, at) == (VECTOR(uint))(0);
+        mark(more, at, BITS_OF(behind_slots));
+    }
+#endif
+    for (uint left = BITS_OF(stored); left; left &= left - 1) {
+        int k = LOWEST_BIT(left);
+        uint place = ((const uint *)&pixel)[k];
+        if (pass_atomically(targets + place, plane, ((const uint *)&key)[k], ((const uint *)&payload)[k], step))
+            mark(more, at, 1u << k);
+    }
+#endif
 }
 
 kernel void peel_fragments(uint count, global const ulong *fragments, global const uint *pixels, uint plane,

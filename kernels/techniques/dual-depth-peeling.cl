@@ -103,6 +103,11 @@ INLINE Row *target(Buffers *b, int i) { return i == 0 ? &b->next_nearest : &b->n
 INLINE Row *bound(Buffers *b, int i) { return i == 0 ? &b->nearest : &b->farthest; }
 INLINE Colors *color_target(Buffers *b, int i) { return i == 0 ? &b->front : &b->back; }
 
+INLINE VECTOR(int) may_store(volatile global Place *min_max, uint plane, const Places *at, VECTOR(uint) key)
+{
+    return may_be_stored(min_max, plane, 0, at, key) | may_be_stored(min_max, plane, 1, at, key);
+}
+
 // MAX blending of float2(-depth, depth).
 INLINE bool pass_atomically(volatile global Place *min_max, uint plane, uint key, uint payload, int step)
 {

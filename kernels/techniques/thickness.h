@@ -212,6 +212,11 @@ INLINE Row *target(Buffers *b, int i) { return i == 0 ? &b->red : &b->green; }
 INLINE Row *bound(Buffers *b, int i) { return 0; }
 INLINE Colors *color_target(Buffers *b, int i) { return &b->color; }
 
+INLINE VECTOR(int) may_store(volatile global Place *red, uint plane, const Places *at, VECTOR(uint) key)
+{
+    return (VECTOR(int))(-1);
+}
+
 INLINE bool pass_atomically(volatile global Place *red, uint plane, uint key, uint payload, int step)
 {
     volatile global Place *green = red + plane;
