@@ -1,7 +1,8 @@
 """Passes: draws a batch as the papers' hardware does, with kernel launches of its own for each step of each pass.
 
 The rasterizer emits the fragments once (stream.py). Every geometry pass then goes over them, and every full-screen pass
-over the pixels, in buffers in the device's memory. Atomics stand in for blending hardware (peel_passes.h, add_passes.h).
+over the pixels, in buffers in the device's memory. Atomics stand in for blending hardware (peel_passes.h,
+add_passes.h).
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ MOST_REPEATS = 1 << 14
 """How often a peel may repeat its pass where writes race. Any scheduler lets a write through long before."""
 
 PLANE_PADDING = 16
-"""Places between two planes of a target. Without them the same pixel of all planes falls on the same lines of a cache."""
+"""Places between two planes of a target. Without them a pixel of all planes would fall on the same line of a cache."""
 
 COMPOSITED = ("side_bits", "red", "green", "blue", "has_background", "clamped", "image", "color")
 """The arguments of a kernel that composites, among those of Canvas.arguments."""

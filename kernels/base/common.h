@@ -117,6 +117,18 @@ INLINE uint bits_of16(int16 truth)
 }
 #define BITS_OF(truth) PASTE(bits_of, STRIP)(truth)
 
+// The reverse: -1 where the bit of an element is set, else 0. It is made of shifts. Optimizers may
+// put a constant in place of a comparison, and Oclgrind 21.10 then takes a constant that is true for 1 in place of -1.
+#define MASK_OF(bits) \
+    ((PASTE(as_, VECTOR(int))((VECTOR(uint))(bits) << ((VECTOR(uint))(31) - (VECTOR(uint))(IOTA)))) >> (VECTOR(int))(31))
+
+// The bits of a strip's elements from number `from` to number `to`. Both may lie outside of the strip.
+INLINE uint bits_between(int from, int to)
+{
+    from = MAX(from, 0), to = MIN(to, STRIP - 1);
+    return from > to ? 0 : (2u << to) - (1u << from);
+}
+
 // SELECT: a where the mask's elements are -1, b where they are 0. A compiler does not know that a mask has only these
 // two values. Without instructions for masks of single bits it may make slow code of `?:`.
 #if defined(__AVX512F__)
@@ -130,6 +142,17 @@ INLINE int16 SELECT(int16 mask, int16 a, int16 b)
 #else
 #define SELECT(mask, a, b) (((a) & (mask)) | ((b) & ~(mask)))
 #endif
+
+// Counts one more where `counted` is -1. For a CPU's compiler this is one subtraction. Elsewhere elements are counted one
+// by one, as Oclgrind 21.10 takes the 1 that optimizers make of a vector's -1 for -1 again.
+INLINE void count_up(VECTOR(uint) *counts, VECTOR(int) counted)
+{
+#if CPU_TARGET
+    *counts -= PASTE(as_, VECTOR(uint))(counted);
+#else
+    UNROLL for (int k = 0; k < STRIP; ++k) ((uint *)counts)[k] += ((const int *)&counted)[k] != 0 ? 1 : 0;
+#endif
+}
 
 INLINE uint largest(VECTOR(uint) values)
 {

@@ -24,7 +24,7 @@
 #if PASSES
 
 #ifndef IS_MAX
-#define IS_MAX(i) 0
+#define IS_MAX(i) ((i) < 0)  // none
 #endif
 
 #if ATOMICS_64

@@ -136,7 +136,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                     Colors colors;
                     VECTOR(int) payload = peeled(buffers + own, i), present = payload >= (VECTOR(int))(0);
                     if (BITS_OF(present) == 0) continue;
-                    layers[own] -= PASTE(as_, VECTOR(uint))(present);
+                    count_up(layers + own, present);
                     colors_of(PASTE(as_, VECTOR(uint))(payload), own * LANES + lane, tile_x, tile_y, batch, shading,
                               &colors);
                     blend_peeled(buffers + own, i, &colors);

@@ -57,8 +57,8 @@ INLINE void add_to_query(volatile global uint *query, uint turn, int what, uint 
 // drawn in runs of its pixels, from first_pixel to last_pixel.
 INLINE VECTOR(int) in_run(uint strip, uint first_pixel, uint last_pixel)
 {
-    VECTOR(uint) pixel = (VECTOR(uint))(strip * STRIP % TILE_PIXELS) + (VECTOR(uint))(IOTA);
-    return pixel >= (VECTOR(uint))(first_pixel) & pixel <= (VECTOR(uint))(last_pixel);
+    int first = strip * STRIP % TILE_PIXELS;
+    return MASK_OF(bits_between((int)first_pixel - first, (int)last_pixel - first));
 }
 
 INLINE void put_where(VECTOR(int) here, const Colors *strip, global Colors *place)
@@ -114,11 +114,14 @@ INLINE void pass_fragments(uint count, global const ulong *fragments, global con
 {
     uint first = get_global_id(0) * STRIP;
     if (first >= count) return;
-    VECTOR(int) there = (VECTOR(uint))(first) + (VECTOR(uint))(IOTA) < (VECTOR(uint))(count);
+    VECTOR(int) there = MASK_OF(bits_between(0, (int)(count - 1 - first)));
     VECTOR(ulong) some = *(global const VECTOR(ulong) *)(fragments + first);
     VECTOR(uint) pixel = *(global const VECTOR(uint) *)(pixels + first);
-    VECTOR(int) consecutive = there & (pixel == (VECTOR(uint))(pixel.s0) + (VECTOR(uint))(IOTA));
-    Places places = {pixel, there, BITS_OF(consecutive) == (1u << STRIP) - 1}, *at = &places;
+    Places places = {pixel, there, false}, *at = &places;
+    if (CPU_TARGET) {
+        VECTOR(int) consecutive = there & (pixel == (VECTOR(uint))(pixel.s0) + (VECTOR(uint))(IOTA));
+        places.consecutive = BITS_OF(consecutive) == (1u << STRIP) - 1;
+    }
     VECTOR(uint) key = CONVERT(uint, STRIP, some >> (VECTOR(ulong))(32)), payload = CONVERT(uint, STRIP, some);
     Row arriving = {signed_key(key), PASTE(as_, VECTOR(int))(payload)};
     Buffers buffers, *b = &buffers;
@@ -199,7 +202,7 @@ kernel void blend_layers(uint strips, uint plane, uint pass, uint first_pixel, u
     for (int i = 0; i < PEELED; ++i) {
         VECTOR(int) payload = peeled(b, i), present = here & (payload >= (VECTOR(int))(0));
         if (BITS_OF(present) == 0) continue;
-        blended -= PASTE(as_, VECTOR(uint))(present);
+        count_up(&blended, present);
         if (i < ON_THE_FLY) continue;
         VECTOR(ulong) fragment = CONVERT(ulong, STRIP, PASTE(as_, VECTOR(uint))(present ? payload : (VECTOR(int))(NO_PAYLOAD)));
         Colors source;

@@ -63,9 +63,8 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
 #if MIXED
     covered &= is_in_front(key, t->source, *(global const VECTOR(ulong) *)(z_far + tile * TILE_PIXELS + own_pixel));
 #endif
-    VECTOR(uint) pixel = (VECTOR(uint))(own_pixel) + (VECTOR(uint))(IOTA);
-    covered &= pixel >= (VECTOR(uint))(first_pixel) & pixel <= (VECTOR(uint))(last_pixel);
-    uint bits = BITS_OF(covered), run_pixel = get_group_id(0) * TILE_PIXELS + own_pixel;
+    uint bits = BITS_OF(covered) & bits_between((int)first_pixel - (int)own_pixel, (int)last_pixel - (int)own_pixel);
+    uint run_pixel = get_group_id(0) * TILE_PIXELS + own_pixel;
 #if FRAGMENT_COLOR
     for (int first = 0; first < STRIP; first += SHADED) {
         uint some = bits >> first & SHADED_BITS;

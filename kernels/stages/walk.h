@@ -179,7 +179,14 @@ INLINE VECTOR(int) cover(const Walk *w, int block, VECTOR(float) weight[3])
 INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left)
 {
     int column = block % BLOCKS_A_ROW * BLOCK + FIRST_PIXEL % BLOCK, row = block / BLOCKS_A_ROW * BLOCK + FIRST_PIXEL / BLOCK;
+#if CPU_TARGET
     return STRIP_COLUMNS < (VECTOR(int))(columns_left - column) & STRIP_ROWS < (VECTOR(int))(rows_left - row);
+#else
+    uint bits = 0;
+    UNROLL for (int k = 0; k < STRIP; ++k)
+        bits |= (uint)(k % BLOCK < columns_left - column && k / BLOCK < rows_left - row) << k;
+    return MASK_OF(bits);
+#endif
 }
 
 // --- the walk itself ------------------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
     global const ulong *far = z_far + tile * TILE_PIXELS + block * BLOCK_PIXELS + FIRST_PIXEL;
     covered &= is_in_front(keys_of(t, weight, screen.depth_scale), t->source, *(global const VECTOR(ulong) *)far);
 #endif
-    counts[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
+    count_up(counts + OWN(block), covered);
     END_VISITS
 
     for (int own = 0; own < STRIPS_A_LANE; ++own)

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from clpeel.device.devices import open_device
-from clpeel.device.layout import Features
+from clpeel.device.layout import Features, Targets
 from clpeel.device.program import GROUP, device_seconds, kernel_folder, launch, program, source
 
 FEATURES = Features(1, "face")
@@ -56,11 +56,24 @@ BUILDS = [
 ]
 
 
+# Techniques by passes, with atomics of 64 bits, of 32 bits, and without any.
+BY_PASSES = [
+    ("depth-peeling", Targets(1, 1, 1), {"ATOMICS_64": 1}),
+    ("dual-depth-peeling", Targets(2, 2, 2), {"ATOMICS_64": 1}),
+    ("dual-depth-peeling", Targets(2, 2, 2), {"ATOMICS_64": 0, "BY_DEPTH": 1}),
+    ("multi-layer-peeling", Targets(8, 1, 1), {"ATOMICS_64": 0}),
+    ("multi-layer-peeling", Targets(8, 1, 1, racing=True), {"ATOMICS_64": 0}),
+    ("glowscript", Targets(1, 1, 4), {"ATOMICS_64": 1}),
+    ("thickness", Targets(2, 0, 1, facing=True), {"ATOMICS_64": 1, "VARIANT": 2}),
+    ("weighted-average", Targets(0, 0, 1), {}),
+]
+
 # Files that are another kernel with constants of their own.
 OTHERS = [
     ("techniques/multi-layer-peeling.cl", {"HAZARD_WINDOW": 2, "HAZARD_ARRIVAL": 0, "TORN_WRITES": 1}),
     ("techniques/thickness.cl", {"PERSPECTIVE": 0, "VARIANT": 1}),
     ("stages/setup.cl", {"LOW_POSITIONS": 1}),
+    *((f"techniques/{name}.cl", {**targets.constants, **more}) for name, targets, more in BY_PASSES),
 ]
 
 
