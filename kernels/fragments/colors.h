@@ -22,6 +22,13 @@ INLINE float4 palette_color(global const void *palette, uint index)
 #endif
 }
 
+// The colour of one fragment, straight, 0..1. colors: the fragments' own colours, or the palette.
+INLINE float4 fragment_color(global const void *colors, uint payload)
+{
+    if (FRAGMENT_COLOR) return ((global const float4 *)colors)[payload];
+    return palette_color(colors, COLOR_RATE_FACE ? payload : 0);
+}
+
 // --- fragments of a strip -------------------------------------------------------------------------------------------
 // Eight fragments, anywhere in memory: vectors usually begin at multiples of their own size.
 typedef ulong8 Octet __attribute__((aligned(8)));

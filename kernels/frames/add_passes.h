@@ -43,8 +43,7 @@ kernel void blend_in_order(uint first_tile, uint first_pixel, uint last_pixel, g
     uint start = tile_start[tile] - run_start, end = start + ends[last];
     for (uint at = start + (first ? ends[first - 1] : 0); at < end; ++at) {
         uint pixel = pixels[at], payload = (uint)fragments[at];
-        float4 color = FRAGMENT_COLOR ? ((global const float4 *)colors_of_fragments)[payload]
-                                      : palette_color(colors_of_fragments, COLOR_RATE_FACE ? payload : 0);
+        float4 color = fragment_color(colors_of_fragments, payload);
         VECTOR(int) here = (VECTOR(int))(IOTA) == (VECTOR(int))(pixel % STRIP);
         const VECTOR(float) zero = (VECTOR(float))(0.0f);
         Colors source = {here ? color.x : zero, here ? color.y : zero, here ? color.z : zero, here ? color.w : zero};

@@ -119,34 +119,24 @@ INLINE bool pass_atomically(volatile global Place *min_max, uint plane, uint key
 // "Blending on the Fly": the fragment at the nearest depth blends itself under the front. It is the only one of its
 // pixel and pass. So MAX blending of the colours, which only grow, is a plain write. 1 - Adst is the third component
 // that MAX blending is applied to. MAX of 1 - Adst is MIN of Adst. Read as signed integers, floats that are not
-// negative are in their order, and a negative one, which rounding may leave where alpha is 1, is below them.
+// negative are in their order, and a negative one, which rounding may leave where alpha is 1, is below them. There is
+// seldom more than one such fragment in a strip, so they are blended one by one.
 #define ON_THE_FLY 1
 INLINE void blend_on_the_fly(const Buffers *b, VECTOR(int) there, const Row *fragments, VECTOR(uint) pixel,
                              global const void *colors_of_fragments, global Colors *front)
 {
     VECTOR(int) nearest = there & (fragments->key == b->nearest.key) & (fragments->payload == b->nearest.payload);
-    uint bits = BITS_OF(nearest);
-    if (bits == 0) return;
-    VECTOR(int) payload = SELECT(nearest, fragments->payload, (VECTOR(int))(NO_PAYLOAD));
-    VECTOR(ulong) fragment = CONVERT(ulong, STRIP, PASTE(as_, VECTOR(uint))(payload));
-    Colors source, destination;
-    fetch_colors(&fragment, 1, colors_of_fragments, &source);
-    clear_buffer(&destination);
-    for (uint left = bits; left; left &= left - 1) {
-        int k = LOWEST_BIT(left);
-        uint place = ((const uint *)&pixel)[k];
-        global const float *from = (global const float *)(front + place / STRIP) + place % STRIP;
-        ((float *)&destination.red)[k] = from[0], ((float *)&destination.green)[k] = from[STRIP];
-        ((float *)&destination.blue)[k] = from[2 * STRIP], ((float *)&destination.alpha)[k] = from[3 * STRIP];
-    }
-    blend_under(&destination, &source);
-    for (; bits; bits &= bits - 1) {
+    for (uint bits = BITS_OF(nearest); bits; bits &= bits - 1) {
         int k = LOWEST_BIT(bits);
         uint place = ((const uint *)&pixel)[k];
         global float *to = (global float *)(front + place / STRIP) + place % STRIP;
-        to[0] = ((const float *)&destination.red)[k], to[STRIP] = ((const float *)&destination.green)[k];
-        to[2 * STRIP] = ((const float *)&destination.blue)[k];
-        atomic_min((volatile global int *)(to + 3 * STRIP), as_int(((const float *)&destination.alpha)[k]));
+        float4 color = fragment_color(colors_of_fragments, ((const uint *)&fragments->payload)[k]);
+        Colors source = {(VECTOR(float))(color.x), (VECTOR(float))(color.y), (VECTOR(float))(color.z), (VECTOR(float))(color.w)};
+        Colors blended = {(VECTOR(float))(to[0]), (VECTOR(float))(to[STRIP]), (VECTOR(float))(to[2 * STRIP]),
+                          (VECTOR(float))(to[3 * STRIP])};
+        blend_under(&blended, &source);
+        to[0] = blended.red.s0, to[STRIP] = blended.green.s0, to[2 * STRIP] = blended.blue.s0;
+        atomic_min((volatile global int *)(to + 3 * STRIP), as_int(blended.alpha.s0));
     }
 }
 #endif

@@ -128,7 +128,7 @@ def test_slots_keep_the_nearest_in_order(
 @pytest.mark.parametrize("depths", [1, 5, 3000])
 @pytest.mark.filterwarnings("ignore::pyopencl.CompilerWarning")
 def test_min_and_max_keep_both_ends(depths: int, long_atomics: bool, by_depth: bool, lanes: int) -> None:
-    """Of equal depths the first submitted is the nearest, and the last the farthest; by depth alone the first is both."""
+    """Of equal depths the first submitted is nearest and the last farthest. By depth alone the first is both."""
     fragments, pixels = crowd(7 + depths, depths)
     found, _ = blended(fragments, pixels, 0, long_atomics, by_depth, lanes)
     for pixel in range(7):

@@ -191,6 +191,53 @@ def techniques(bench: Bench) -> Values:
     return {"values": values, "targets": targets, "table": table, "notes": []}
 
 
+PASS_KERNELS = ("clear_targets", "peel_fragments", "settle", "blend_layers")
+"""The kernels of a pass, where techniques are executed by passes (stages/passes.py)."""
+
+PAPER_SCENES = ("grass, other seed", "boxes, 11 a side")
+
+
+@figure("execution", "The papers' machine: by passes beside by tiles, and several layers a pass beside one")
+def execution(bench: Bench) -> Values:
+    names = ["depth-peeling", "multi-layer-peeling", "dual-depth-peeling"]
+    if bench.folder is None:
+        raise Skipped("the scenes are those of a folder with scenes.py (--scenes)")
+    heads = [
+        *(f"{name}, ms by passes (of it the passes alone)" for name in names),
+        *(f"{name}, by tiles = 1" for name in names),
+    ]
+    table = [["scene", "fragments", "layers", *heads, "M = 8, times as fast", "dual, share of the time"]]
+    values, targets = {}, []
+    for scene, made in {**bench.scenes, **{name: PEELED_SCENES[name] for name in PAPER_SCENES}}.items():
+        jobs = [
+            bench.job(made, technique=name, execution=execution) for name in names for execution in ("passes", "tiles")
+        ]
+        found = bench.take_turns(jobs, together=True)
+        frames = [[one["median_s"] for one in rounds] for rounds in found]
+        passes = [
+            [sum(one["stats"]["kernel_seconds"].get(kernel, 0.0) for kernel in PASS_KERNELS) for one in rounds]
+            for rounds in found[::2]
+        ]
+        slower = [ratio(ours, tiles) for ours, tiles in zip(frames[::2], frames[1::2], strict=True)]
+        fast, dual = ratio(passes[0], passes[1]), ratio(passes[2], passes[0])
+        stats = found[0][-1]["stats"]
+        values[scene] = {
+            "seconds": {name: spread(one) for name, one in zip(names, frames[::2], strict=True)},
+            "passes": {name: spread(one) for name, one in zip(names, passes, strict=True)},
+            "tiles": dict(zip(names, slower, strict=True)),
+            "times": {"multi-layer-peeling": fast, "dual-depth-peeling": dual},
+        }
+        alone = (
+            f"{cell(spread(a), 1e3)}, {digits(spread(b)['median'] * 1e3)}"
+            for a, b in zip(frames[::2], passes, strict=True)
+        )
+        numbers = [f"{stats['fragments']:,}", f"{stats['layers_max']}"]
+        table.append([scene, *numbers, *alone, *map(cell, slower), cell(fast), cell(dual)])
+        targets.append(target(f"passes of M = 8 beside single ones, {scene}", fast["median"], ">=", 4, bench.full()))
+        targets.append(target(f"passes of dual beside single ones, {scene}", dual["median"], "<=", 0.6, bench.full()))
+    return {"values": values, "targets": targets, "table": table, "notes": []}
+
+
 @figure("auto", "auto, its look included, beside each technique that keeps to an error of 1/255 in any channel")
 def auto(bench: Bench) -> Values:
     from clpeel.techniques import TECHNIQUES
