@@ -26,7 +26,7 @@ STAGE = "rasterization"
 PIXEL_BYTES = 4
 """Bytes of a fragment's pixel."""
 
-WINDOW_BYTES = 1 << 23
+WINDOW_BYTES = 1 << 24
 """A window takes at most so many bytes, even where the memory has more room: then most of it stays in caches."""
 
 BATCH_PIXEL_BYTES = 4 + FRAGMENT_BYTES + COLOR_BYTES
