@@ -103,6 +103,16 @@ def build_options(gpu: Workspace, features: Features, defines: dict[str, int]) -
     return options
 
 
+def lacks(gpu: Workspace) -> str:
+    """Which roundings of floats the device does not make correctly, as words that follow its name; empty if none."""
+    config, flags = gpu.device.single_fp_config, cl.device_fp_config
+    missing = [
+        *([] if config & flags.CORRECTLY_ROUNDED_DIVIDE_SQRT else ["does not round quotients and roots correctly"]),
+        *([] if config & flags.DENORM else ["takes the least numbers for 0"]),
+    ]
+    return " and ".join(missing)
+
+
 def cut(gpu: Workspace, items: int, most: int | None = None) -> tuple[int, int]:
     """Cuts items into chunks of consecutive ones, a work-item for each chunk.
 
@@ -118,9 +128,9 @@ def launch(
 ) -> cl.Event | None:
     """Enqueues a kernel: `groups` work-groups of `lanes` work-items or, if lanes is None, `groups` work-items.
 
-    The number of work-items is then rounded up to a multiple of GROUP. stage: the stage that the time counts for.
-    arguments: by the kernel's own names, each exactly once. Returns the launch's event, or None if there are no groups.
-    Raises TypeError if an argument is missing or unknown.
+    The number of work-items is then rounded up to a multiple of GROUP, and is at least what `gpu.least` says. stage: the
+    stage that the time counts for. arguments: by the kernel's own names, each exactly once. Returns the launch's event,
+    or None if there are no groups. Raises TypeError if an argument is missing or unknown.
     """
     if groups == 0:
         return None
@@ -128,8 +138,9 @@ def launch(
         raise TypeError(f"{kernel.kernel.function_name}: arguments {sorted(set(kernel.names) ^ arguments.keys())}")
     kernel.kernel.set_args(*(arguments[name] for name in kernel.names))
     if lanes is None:
-        lanes = GROUP
-        groups = -(-groups // lanes)
+        lanes, name = GROUP, kernel.kernel.function_name
+        groups = -(-max(groups, gpu.least.get(name, 0)) // lanes)
+        gpu.launched[name] = groups * lanes
     event = cl.enqueue_nd_range_kernel(gpu.queue, kernel.kernel, (groups * lanes,), (lanes,))
     gpu.events.append((stage, kernel.kernel.function_name, event))
     return event

@@ -19,7 +19,9 @@ class Workspace:
 
     lanes: work-items that share a tile. builds: compiled programs, shared by all workspaces of the device. programs:
     kernels, by what they were compiled for. buffers: by name. events: the launches of the picture, as (stage, kernel,
-    event). sent: copies that may still be on the way to the device; each event keeps its source array alive.
+    event). sent: copies that may still be on the way to the device; each event keeps its source array alive. launched:
+    how many work-items each kernel was last launched with, for those that may have any number. least: how many such
+    kernels are launched with at least, by name. PoCL compiles a kernel again for launches of another size.
     """
 
     device: cl.Device
@@ -31,6 +33,17 @@ class Workspace:
     buffers: dict[str, cl.Buffer] = field(default_factory=dict)
     events: list[tuple[str, str, cl.Event]] = field(default_factory=list)
     sent: list[cl.Event] = field(default_factory=list)
+    launched: dict[str, int] = field(default_factory=dict)
+    least: dict[str, int] = field(default_factory=dict)
+
+    def beside(self) -> Workspace:
+        """A workspace on the same queue with the same programs, but with buffers of its own.
+
+        It launches kernels with as many work-items as they had here.
+        """
+        return Workspace(
+            self.device, self.context, self.queue, self.lanes, self.builds, self.programs, least=dict(self.launched)
+        )
 
     @property
     def long_atomics(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from clpeel.device.memory import Budget
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
 from clpeel.pictures.layers import Layers
+from clpeel.rendering import self_test
 from clpeel.rendering.auto import Choice, capacity_of, chosen_for
 from clpeel.rendering.blank import why_blank
 from clpeel.rendering.options import Lighting, Size
@@ -78,6 +80,15 @@ class Renderer:
         self._pictures: list[Picture] = []
         self._at_work: int | None = None  # the thread that is making a picture
         self._turn = Lock()
+        self._tests = True  # whether kernels are tested before they draw
+
+    def beside(self, scene: Scene) -> Renderer:
+        """A renderer of another scene on the same device, with buffers of its own. It serves a test, and makes none."""
+        other = copy.copy(self)
+        other.scene, other.gpu = scene, self.gpu.beside()
+        other._uploaded, other._pictures, other._at_work, other._turn = {}, [], None, Lock()
+        other._tests = False
+        return other
 
     @contextmanager
     def working(self) -> Iterator[None]:
@@ -131,6 +142,7 @@ class Renderer:
         budget = Budget.of(self.gpu, request.picture.memory_limit, scene.nbytes + triangles.nbytes)
         tiles = bin_triangles(self.gpu, triangles, budget.lists)
         request, batches, choice = chosen_for(request, tiles, budget)
+        tested = self_test.check(self, request, triangles, len(tiles.tile_pairs)) if self._tests else []
         picture = self._picture(request)
         frame = Frame(
             self.gpu,
@@ -146,6 +158,7 @@ class Renderer:
         finished = finish(request, picture, triangles, choice)
         stats = stats_of(request, triangles, drawn, finished, clamped_pixels, picture, clock)
         stats = explained(stats, request, triangles, finished, choice)
+        stats.notes.extend(tested)
         layers = self._layers(scene, request, budget, stats) if request.picture.layers else None
         request.report(1.0, "done")
         rounding = blending_bound(stats.layers_max + 1, request.blending.precision)  # + 1 for an opaque layer

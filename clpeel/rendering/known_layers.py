@@ -1,0 +1,351 @@
+"""Known layers: a small scene whose picture is known, because it can be computed in a few lines, by every technique.
+
+Some triangles lie one behind the other, and are submitted out of order. Two cross each other between two columns of
+samples, and two lie at the same depth. Edges, crossings and cuts are clear of all samples, so no rounding changes which
+fragments there are, or in which order they lie. All numbers are computed here in float64, from the papers' formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.device.layout import AMBIENT, Features
+from clpeel.options import Options
+from clpeel.scene.camera import Camera
+from clpeel.scene.scene import Scene
+from clpeel.techniques import TECHNIQUES, AnyTechnique
+from clpeel.techniques.translucency import LIGHT_COLOR, OPTICAL_DIAGONAL, REFLECTANCE
+
+Floats = NDArray[np.float64]
+
+HEIGHT = 32
+"""Samples of the picture from top to bottom. Half of it is the focal length in samples (a view angle of 90 degrees)."""
+
+WIDTH = 40
+"""Samples of the picture from left to right: two whole tiles and half a tile, except where a pixel has 256 samples."""
+
+NEAR, FAR = 1.0, 8.0
+"""The clipping range."""
+
+FLAT_BACK, FLAT_FRONT = (4.0, 4.0, 4.0), (1.5, 1.5, 1.5)
+LEFT_NEARER, RIGHT_NEARER = (2.0, 2.0, 3.0), (3.0, 3.0, 2.0)
+
+FACES: tuple[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]], ...] = (
+    ((-14.0, 11.25, 11.25), (-12.25, -12.25, 13.75), FLAT_BACK),
+    ((-16.0, -16.0, 16.0), (-14.75, 13.75, -3.75), LEFT_NEARER),
+    ((-8.75, 15.25, 2.25), (-6.25, -4.75, 9.25), FLAT_FRONT),
+    ((-7.0, 13.0, 13.0), (11.75, 13.25, -15.25), FLAT_BACK),
+    ((-16.0, -16.0, 16.0), (10.25, -9.75, 5.25), RIGHT_NEARER),
+)
+"""The triangles in the order of submission: three x and three y in samples from the picture's centre, and three view
+distances. All of these numbers are exact in float32, as positions and as distances.
+"""
+
+CUT = ((-16.0, -16.0, 16.0), (-11.25, 6.75, 7.75), (0.5, 0.5, 4.0))
+"""One more triangle for pictures in which triangles are clipped: the near plane cuts it."""
+
+OPAQUE_FACE = 4
+"""Which of FACES is opaque where some are. It crosses another one."""
+
+COLORS = np.array(
+    [
+        (0.25, 0.75, 0.5, 0.5),
+        (0.75, 0.25, 1.0, 0.25),
+        (0.5, 1.0, 0.25, 0.75),
+        (1.0, 0.5, 0.75, 0.5),
+        (0.25, 0.5, 1.0, 0.5),
+        (0.5, 0.25, 0.75, 0.25),
+    ]
+)
+"""The colours of FACES and CUT: straight, and exact binary fractions."""
+
+LEAST_APART = 1e-9
+"""View distances that differ by less are equal: they are, but for the rounding of float64."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the scene has to be like, so that the very kernels of a picture draw it.
+
+    features: of the kernels, but for `surfaces`, which also depends on the request. surfaces: "transparent", "mixed" or
+    "opaque", of the scene. perspective: or parallel projection. pairs: positions need more than float32. cut: a
+    triangle is clipped.
+    """
+
+    features: Features
+    surfaces: str
+    perspective: bool
+    pairs: bool
+    cut: bool
+
+    @property
+    def faces(self) -> Floats:
+        """x, y and distance of each corner of each triangle: float64 [faces, 3, 3]."""
+        return np.array([*FACES, CUT] if self.cut else FACES, np.float64)
+
+    @property
+    def offset(self) -> float:
+        """How far scene and camera are moved, so that positions are no float32 numbers if they should not be."""
+        return 1 / 3 if self.pairs else 0.0
+
+    def camera(self) -> Camera:
+        """Sees the scene so that a sample is one unit at a distance of HEIGHT / 2, or at any in parallel projection."""
+        eye = (self.offset, self.offset, 0.0)
+        return Camera(
+            eye, (*eye[:2], -1.0), view_angle=90.0, clipping_range=(NEAR, FAR), orthographic=not self.perspective
+        )
+
+    def straight(self) -> Floats:
+        """The colour of each corner as it is given, 0..1: float64 [faces, 3, 4]."""
+        count, rate = len(self.faces), self.features.color_rate
+        colors = np.repeat(COLORS[:count, None], 3, axis=1)
+        if rate == "scene":
+            colors[:] = COLORS[0]
+        if rate == "vertex":
+            for corner in (1, 2):
+                colors[:, corner] = np.roll(COLORS[:count], corner, axis=1)
+        if self.surfaces != "transparent":
+            colors[OPAQUE_FACE if self.surfaces == "mixed" else slice(None), :, 3] = 1.0
+        return colors
+
+    def scene(self) -> Scene:
+        """The scene. No two triangles share a corner."""
+        x, y, distance = self.faces.swapaxes(0, 1)
+        spread = distance if self.perspective else np.ones_like(distance)
+        corners = np.stack([x * spread, y * spread, -distance * HEIGHT / 2], axis=-1).reshape(-1, 3) / (HEIGHT / 2)
+        corners[:, :2] += self.offset
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        given = self.given()
+        if self.features.color_rate == "scene":
+            return Scene.from_arrays(corners, faces, color=given[0, 0])
+        if self.features.color_rate == "face":
+            return Scene.from_arrays(corners, faces, face_colors=given[:, 0])
+        return Scene.from_arrays(corners, faces, vertex_colors=given.reshape(-1, 4))
+
+    def given(self) -> NDArray[Any]:
+        """The colours as the scene has them: [faces, 3, 4], uint8 or float32."""
+        colors = self.straight()
+        return np.rint(colors * 255).astype(np.uint8) if self.features.packed_color else colors.astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Stack:
+    """The fragments of each sample, the nearest first; of equal distances, the first submitted one first.
+
+    All arrays are [samples, faces], and [samples, faces, 4] for color. present: whether there is a fragment; those that
+    there are come first. color: straight. light: the headlight's share of it, 1 if unlit; color has it. distance: along
+    the view axis. back: whether the face is seen from behind. opaque: whether it is drawn first and hides what is
+    behind. Then only the nearest such fragment is here, and nothing behind it. face: its number.
+    """
+
+    present: NDArray[np.bool_]
+    color: Floats
+    light: Floats
+    distance: Floats
+    back: NDArray[np.bool_]
+    opaque: NDArray[np.bool_]
+    face: NDArray[np.int64]
+
+    @property
+    def transparent(self) -> NDArray[np.bool_]:
+        """Whether there is a fragment that is not an opaque one, drawn first."""
+        return self.present & ~self.opaque
+
+    @property
+    def coincident(self) -> NDArray[np.bool_]:
+        """Whether the fragment before is at the same distance."""
+        same = np.zeros_like(self.present)
+        same[:, 1:] = self.present[:, 1:] & (self.distance[:, 1:] == self.distance[:, :-1])
+        return same
+
+    @property
+    def behind(self) -> Floats:
+        """The opaque surface's colour and its transmittance 0; or no colour and 1 where there is none: [samples, 4]."""
+        solid = (self.opaque[..., None] * self.color).sum(axis=1)
+        solid[:, 3] = ~self.opaque.any(axis=1)
+        return solid
+
+
+def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack:
+    """The fragments of a picture of `size` (width, height) in samples, row by row from the top left."""
+    width, height = size
+    column, row = np.meshgrid(np.arange(width), np.arange(height))
+    x, y = column.reshape(-1) + 0.5 - width / 2, height / 2 - row.reshape(-1) - 0.5
+    corner_x, corner_y, corner_distance = wanted.faces.swapaxes(0, 1)  # [faces, 3]
+
+    def area(a: int, b: int) -> Floats:
+        """Twice the signed area of each sample with corners a and b: [samples, faces]."""
+        across, up = corner_x[:, b] - corner_x[:, a], corner_y[:, b] - corner_y[:, a]
+        return across * (y[:, None] - corner_y[:, a]) - up * (x[:, None] - corner_x[:, a])
+
+    areas = np.stack([area(1, 2), area(2, 0), area(0, 1)], axis=-1)
+    weights = areas / areas.sum(axis=-1, keepdims=True)  # barycentric on the screen
+    if wanted.perspective:  # 1 / distance is linear on the screen, and so is anything linear divided by the distance
+        weights /= corner_distance
+        distance = 1 / weights.sum(axis=-1)
+        weights *= distance[..., None]
+    else:
+        distance = (weights * corner_distance).sum(axis=-1)
+    present = (weights > 0).all(axis=-1) & (distance > NEAR) & (distance < FAR)
+    values = wanted.given() / (255.0 if wanted.features.packed_color else 1.0)
+    color = np.repeat(values[None, :, 0], len(weights), axis=0)  # exact, where a face has one colour
+    if wanted.features.color_rate == "vertex":
+        color = np.einsum("pfc,fcd->pfd", weights, values)
+    opaque = present & bool(opaque_first) & (values[..., 3] == 1).all(axis=1)
+    light = np.broadcast_to(_light(wanted), present.shape)
+    color[..., :3] *= light[..., None]
+
+    order = np.argsort(np.where(present, np.round(distance / LEAST_APART), np.inf), axis=1, kind="stable")
+
+    def ordered(values: NDArray[Any]) -> NDArray[Any]:
+        return np.take_along_axis(values, order.reshape(*order.shape, *[1] * (values.ndim - 2)), axis=1)
+
+    opaque = ordered(opaque)
+    seen = np.cumsum(opaque, axis=1) - opaque == 0  # not behind an opaque one
+    here = ordered(present) & seen
+    back = np.broadcast_to(areas[0].sum(axis=-1) < 0, present.shape)
+    return Stack(
+        here,
+        ordered(color) * here[..., None],
+        ordered(light),
+        np.round(ordered(distance) / LEAST_APART) * LEAST_APART,
+        ordered(back),
+        opaque & here,
+        order,
+    )
+
+
+def _light(wanted: Wanted) -> Floats:
+    """The headlight's share of each face's colour: float64 [faces]."""
+    if not wanted.features.headlight:
+        return np.ones(len(wanted.faces))
+    corners = wanted.scene().vertices.reshape(-1, 3, 3)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return AMBIENT + (1 - AMBIENT) * np.abs(normals[:, 2]) / np.linalg.norm(normals, axis=1)
+
+
+# --- what techniques show of it ---------------------------------------------------------------------------------------
+
+Maps = Mapping[str, Floats]
+Shown = tuple[Floats, Maps]
+"""Premultiplied colours with transmittances, float64 [samples, 4], and maps by name, [samples].
+
+Where a technique makes its picture on the host from a map, the colours have no meaning, and are None.
+"""
+
+
+def over(front: Floats, behind: Floats) -> Floats:
+    """A front layer over what is behind it; both premultiplied, with transmittances: [..., 4]."""
+    through = front[..., 3:]
+    return np.concatenate([front[..., :3] + through * behind[..., :3], through * behind[..., 3:]], axis=-1)
+
+
+def blended(stack: Stack, kept: NDArray[np.bool_]) -> Floats:
+    """The kept layers blended in order, over what is opaque: C = Ai Ci + (1 - Ai) C, the farthest first."""
+    color = stack.behind
+    for k in reversed(range(kept.shape[1])):
+        alpha = np.where(kept[:, k], stack.color[:, k, 3], 0.0)[:, None]
+        color = over(np.concatenate([alpha * stack.color[:, k, :3], 1 - alpha], axis=1), color)
+    return color
+
+
+def peeled(stack: Stack, technique: AnyTechnique, options: Options) -> NDArray[np.bool_]:
+    """Which layers a technique that sorts takes: so many from the front, and so many from the back."""
+    kept = stack.transparent
+    if getattr(options, "coincident", "keep") == "paper":
+        kept = kept & ~stack.coincident
+    front, back = technique.peeled(options) or (0, 0)
+    from_front = np.cumsum(kept, axis=1)
+    from_back = from_front[:, -1:] - from_front + 1
+    return kept & ((from_front <= front) | (from_back <= back))
+
+
+def in_order(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """What a technique shows that sorts."""
+    return blended(stack, peeled(stack, technique, options)), {}
+
+
+def _sums(stack: Stack, options: Options) -> tuple[Floats, Floats, Floats]:
+    """sum(Ai Ci) [samples, 3], sum(Ai) and n [samples, 1] of transparent fragments. 8 bits hold sums up to 1."""
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    colors, alphas = (alpha[..., None] * stack.color[..., :3]).sum(axis=1), alpha.sum(axis=1, keepdims=True)
+    if getattr(options, "precision", "") == "unorm8":
+        colors, alphas = np.minimum(colors, 1.0), np.minimum(alphas, 1.0)
+    return colors, alphas, stack.transparent.sum(axis=1, keepdims=True)
+
+
+def weighted_sum(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(Ai Ci) + C0 (1 - sum(Ai)) (Meshkin 2007)."""
+    colors, alphas, _ = _sums(stack, options)
+    return over(np.concatenate([colors, 1 - alphas], axis=1), stack.behind), {}
+
+
+def weighted_average(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """C A (1 - (1 - A)^n) / A + C0 (1 - A)^n with the average colour C and alpha A (Bavoil and Myers 2008)."""
+    colors, alphas, n = _sums(stack, options)
+    through = (1 - alphas / np.maximum(n, 1)) ** n
+    share = np.divide(1 - through, alphas, out=np.zeros_like(alphas), where=alphas > 0)
+    return over(np.concatenate([colors * share, through], axis=1), stack.behind), {}
+
+
+def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """How many fragments a sample has."""
+    return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
+
+
+def thickness(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """How far the ray runs within surfaces, by the option `variant`, in scene units or window depths."""
+    lengths, unpaired = _lengths(stack, wanted, options)
+    return np.empty((0, 4)), {"thickness": lengths, "unpaired": unpaired.astype(np.float64)}
+
+
+def translucency(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """F + (1 - F) light S exp(-extinction thickness), with S and F of the foremost fragment (translucency.cl)."""
+    lengths, unpaired = _lengths(stack, wanted, options)
+    low, high = wanted.scene().bounds
+    through = np.exp(-OPTICAL_DIAGONAL / np.linalg.norm(high - low) * lengths)[:, None]
+    light = stack.light[:, :1]
+    surface = stack.color[:, 0, :3] / light
+    reflected = REFLECTANCE * light * surface
+    lit = reflected + (1 - reflected) * surface * np.array(LIGHT_COLOR) * through
+    color = np.concatenate([lit, np.zeros_like(through)], axis=1)
+    shown = np.where(stack.present[:, :1], color, (0.0, 0.0, 0.0, 1.0))
+    return shown, {"thickness": lengths, "unpaired": unpaired.astype(np.float64)}
+
+
+def _lengths(stack: Stack, wanted: Wanted, options: Options) -> tuple[Floats, NDArray[np.bool_]]:
+    """The length of each sample, and whether its crossings do not pair up."""
+    variant, present = getattr(options, "variant", "exact"), stack.present
+    distance = stack.distance
+    if getattr(options, "projected", False):
+        linear = (distance - NEAR) / (FAR - NEAR)
+        distance = FAR / (FAR - NEAR) * (1 - NEAR / distance) if wanted.perspective else linear
+    distance = np.where(present, distance, 0.0)
+    any_there, no = present.any(axis=1), np.zeros(len(present), bool)
+    if variant == "total":
+        last = np.take_along_axis(distance, np.maximum(present.sum(axis=1) - 1, 0)[:, None], axis=1)[:, 0]
+        return np.where(any_there, last - distance[:, 0], 0.0), no
+    if variant == "first-solid":
+        entries, exits = (np.where(present & side, distance, np.inf).min(axis=1) for side in (~stack.back, stack.back))
+        paired = np.isfinite(entries) & np.isfinite(exits) & (entries <= exits)
+        with np.errstate(invalid="ignore"):
+            return np.where(paired, exits - entries, 0.0), any_there & ~paired
+    winding = np.cumsum(np.where(present, np.where(stack.back, -1, 1), 0), axis=1)
+    steps = np.where(present[:, 1:] & (winding[:, :-1] != 0), np.diff(distance, axis=1), 0.0)
+    return steps.sum(axis=1), winding[:, -1] != 0
+
+
+SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
+    **{name: in_order for name, technique in TECHNIQUES.items() if technique.sorts},
+    "weighted-sum": weighted_sum,
+    "weighted-average": weighted_average,
+    "layer-count": layer_count,
+    "thickness": thickness,
+    "translucency": translucency,
+}
+"""What each technique shows of a stack. One that sorts needs no entry of its own."""

@@ -1,0 +1,361 @@
+"""The self-test: before a device's kernels draw their first picture, they draw one that is known (known_layers.py).
+
+A driver may compile a kernel wrongly, and then the picture is wrong or blank without a word. So the very kernels that a
+picture needs first draw a few known layers, with the picture's own options. The verdict is kept (device/verdicts.py),
+a line for each set of kernels, so the test is made once for each device, driver and version of clpeel. It launches
+kernels as the picture does, so that nothing is compiled for it alone.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.device.cache import key_of
+from clpeel.device.layout import DEPTH_FORMATS, TILE_PIXELS
+from clpeel.device.program import lacks, source
+from clpeel.device.verdicts import Kind, Parts, Verdict, verdicts_of
+from clpeel.errors import DeviceError
+from clpeel.options import Options
+from clpeel.rendering.known_layers import FAR, HEIGHT, NEAR, SHOWN, WIDTH, Floats, Stack, Wanted, peeled, stack_of
+from clpeel.rendering.request import Request
+from clpeel.techniques import ERROR_BOUND
+from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
+
+if TYPE_CHECKING:
+    from clpeel.rendering.renderer import Renderer
+    from clpeel.rendering.result import Result
+    from clpeel.stages.projection import Triangles
+
+SKIP = "CLPEEL_SKIP_CHECK"
+"""The environment variable that lets pictures be made without a test. Empty or 0 means that they are tested."""
+
+BACKGROUND = (0.25, 0.5, 1.0)
+"""Behind the known layers, if the picture has a background."""
+
+MAX_ERROR = 0.125
+"""Which layers are skipped, if the picture skips any."""
+
+MOST_PASSES = 6
+"""The known layers have no more. So all greater numbers of passes are one case."""
+
+NO_MATTER = ("scale_bar", "thickness_range", "sigma", "light_color")
+"""Options of techniques that kernels do not see, or only as a number."""
+
+NOT_IN_TESTS = ("size", "background", "memory", "keep_color")
+"""Options of all pictures that the test's picture has values of its own for."""
+
+IN_FEATURES = ("lighting", "opaque", "depth_format", "layers")
+"""Options of all pictures that change nothing but what kernels are compiled for (Features), or which are launched."""
+
+ROUNDING = 2.0**-24
+"""How far a number up to 1 is off after one float32 operation."""
+
+COLOR_ROUNDINGS = 20
+"""Of a colour that is interpolated: 6 for each product of weights and their sums, 8 for the quotient, 6 for the sum."""
+
+LIGHT_ROUNDINGS = 35
+"""Of a light: 20 of the normal's channels, 3 + 2 of each of two sums of products, and 1 each of the root, the quotient,
+the product with 1 - AMBIENT, the sum, and the product with the colour.
+"""
+
+DEPTH_ROUNDINGS = 24
+"""Of two depths: 12 each for a corner, its shift to the snapped corner, and the interpolation."""
+
+MESSAGE = 200
+"""How many characters an error's text may take in a verdict."""
+
+
+@dataclass(frozen=True)
+class _Test:
+    """What is drawn, and what names it.
+
+    parts: the sets of kernels that the picture needs. wanted: the scene. request: the picture, without its scene.
+    options: those of the technique. given: all options by name, for Renderer.render.
+    """
+
+    parts: Parts
+    wanted: Wanted
+    request: Request
+    options: Options
+    given: dict[str, Any]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        side = self.request.picture.side
+        return -(-WIDTH // side), HEIGHT // side
+
+
+def check(renderer: Renderer, request: Request, triangles: Triangles, tiles: int) -> list[str]:
+    """Tests the kernels of a picture that is about to be drawn, unless a verdict is known. Returns notes for its stats.
+
+    request: with its final technique. tiles: of the picture. Raises DeviceError if the kernels draw wrongly.
+    """
+    if os.environ.get(SKIP, "0") not in ("", "0") or getattr(request.options, "torn_writes", False):
+        return []  # torn writes lose layers on purpose, so nobody knows the picture
+    device = renderer.gpu.device
+    verdicts = verdicts_of(device)
+    test = _test_of(request, triangles, renderer.gpu.lanes)
+    verdict = verdicts.of(test.parts)
+    notes: list[str] = []
+    if verdict is None:
+        verdict, notes = _tested(renderer, test, tiles)
+        verdicts.keep(verdict)
+    name = f"{device.name.strip()} ({device.platform.name.strip()}, driver {device.driver_version.strip()})"
+    if verdict.kind == "wrong":
+        raise DeviceError(
+            f"device: expected {name} to draw known layers as they are, got {verdict.reason}; choose another --device "
+            f"('clpeel devices' lists them); {SKIP}=1 draws all the same, and without '{verdicts.file}' it is tested "
+            "again"
+        )
+    if verdict.kind == "close":
+        notes.append(f"{name} {verdict.reason}, so the last bits may differ from those of other devices")
+    return notes
+
+
+# --- what is tested ---------------------------------------------------------------------------------------------------
+
+
+def _test_of(request: Request, triangles: Triangles, lanes: int) -> _Test:
+    """What to draw for this picture: the same features, technique and options."""
+    scene = triangles.scene
+    wanted = Wanted(
+        triangles.features,
+        scene.surfaces,
+        triangles.perspective,
+        pairs=scene.low_positions is not None,
+        cut=triangles.clipped > 0,
+    )
+    own = dict(_settled(request.options))
+    shared = {name: value for name, value in request.picture.given() if name not in NOT_IN_TESTS}
+    straight = request.picture.over is None
+    given = {**own, **shared, "background": None if straight else BACKGROUND}
+    return _Test(
+        parts=_parts(request, wanted, lanes, {**own, **shared, **({"background": None} if straight else {})}),
+        wanted=wanted,
+        request=request,
+        options=type(request.options)(**own),
+        given=given,
+    )
+
+
+def _settled(options: Options) -> Iterator[tuple[str, object]]:
+    """The technique's options that differ from their defaults, and that kernels see.
+
+    Numbers that kernels only compute with have a value that suits the known layers.
+    """
+    for name, value in options.given():
+        if name in NO_MATTER:
+            continue
+        if name == "max_error":
+            value = MAX_ERROR
+        elif name == "passes" and isinstance(value, int):
+            value = min(value, MOST_PASSES)
+        yield name, value
+
+
+def _parts(request: Request, wanted: Wanted, lanes: int, ways: dict[str, object]) -> Parts:
+    """The sets of kernels that the picture needs, as texts. Each ends with a digest of the kernels' sources.
+
+    ways: the options that may change what the kernels do.
+    """
+    features, technique = wanted.features, request.technique
+    with_lanes = f"lanes {lanes}"
+    view = f"{'perspective' if wanted.perspective else 'parallel'}{', exact positions' if wanted.pairs else ''}"
+    words = [with_lanes, f"{features.color_rate} colours{'' if features.packed_color else ' as floats'}"]
+    words += [features.surfaces, *(["lit"] if features.headlight else []), features.depth_format]
+    name, path = technique.name, technique.kernel
+    if features.surfaces == "opaque":
+        name, path = "opaque", "stages/opaque.cl"  # all techniques draw these alike
+        ways = {way: value for way, value in ways.items() if way in ("precision", "samples", "background")}
+    words += [f"{way} {value}" for way, value in ways.items() if way not in IN_FEATURES]
+    words += [view.partition(",")[0]] if technique.maps else []  # lengths depend on it
+    parts = [
+        _part(name, words, path),
+        _part("projection", [with_lanes, view], "stages/setup.cl"),
+        *([_part("clipping", [with_lanes, view], "stages/clipping.cl")] if wanted.cut else []),
+        *([_part("layers", words, "stages/find_layers.cl", "stages/windows.cl")] if request.picture.layers else []),
+    ]
+    return frozenset(parts)
+
+
+def _part(name: str, words: list[str], *paths: str) -> str:
+    return f"{name}: {', '.join(words)} [{key_of(*map(source, paths))[:16]}]"
+
+
+# --- the test ---------------------------------------------------------------------------------------------------------
+
+
+def _tested(renderer: Renderer, test: _Test, tiles: int) -> tuple[Verdict, list[str]]:
+    """Draws the known layers and compares. Returns the verdict, and the notes that compiling has left."""
+    tester = renderer.beside(test.wanted.scene())
+    tester.gpu.least["peel_layers"] = TILE_PIXELS * tiles
+    notes: list[str] = []
+    try:
+        result = tester.render(test.wanted.camera(), test.size, test.request.technique.name, **test.given)
+        notes = list(result.stats.notes)
+        kind, reason = _compared(result, test, lacks(renderer.gpu))
+    except DeviceError:
+        raise  # there is no room to compile in: this says nothing of the driver
+    except (ValueError, IndexError, ArithmeticError, MemoryError) as error:  # of numbers that the kernels made up
+        kind, reason = "wrong", f"{type(error).__name__} ({str(error)[:MESSAGE]})"
+    if kind == "wrong":
+        reason += f", by {'; '.join(part.partition(' [')[0] for part in sorted(test.parts))}"
+    return Verdict(kind, renderer.gpu.lanes, test.parts, reason), notes
+
+
+def _compared(result: Result, test: _Test, lacking: str) -> tuple[Kind, str]:
+    """The verdict on the picture, and its reason.
+
+    lacking: which roundings the device says it does not make correctly.
+    """
+    found = _Comparison()
+    technique, wanted = test.request.technique, test.wanted
+    width, height = test.size
+    side = test.request.picture.side
+    stack = stack_of(wanted, (width * side, height * side), test.request.opaque_first)
+    color, maps = SHOWN[technique.name](stack, wanted, technique, test.options)
+
+    def means(values: Floats) -> Floats:
+        """The means over the samples of pixels: [height, width, ...]."""
+        return values.reshape(height, side, width, side, *values.shape[1:]).mean(axis=(1, 3))
+
+    bound = means(color_bound(stack, test) + 0 * stack.distance[:, 0])
+    if len(color):
+        shown = means(color)
+        shown[..., 3] = 1 - shown[..., 3]
+        slack = bound
+        if test.options is not None and getattr(test.options, "max_error", None) is not None:
+            if test.wanted.features.surfaces != "opaque":
+                slack = bound + result.map(ERROR_BOUND)
+            found.expect("skipped", result.map(ERROR_BOUND), np.zeros((height, width)), MAX_ERROR + bound)
+        found.expect("colour", result.color, shown, slack[..., None])
+        found.image(result.image, shown, test.given["background"], slack)
+    for name, wished in maps.items():
+        # The marks of a mean say whether any sample has one.
+        target = means(wished) if name != "unpaired" else (means(wished) > 0).astype(np.float64)
+        slack = np.full((height, width), length_bound(test) if name == "thickness" else 0.0)
+        found.expect(name, result.map(name), target, slack)
+    if test.request.picture.layers:
+        _compare_layers(found, result, stack, test)
+    if not found.wrong and not found.inexact:
+        return "right", ""
+    if found.wrong or not lacking:
+        return "wrong", found.wrong or found.inexact
+    return "close", lacking
+
+
+class _Comparison:
+    """Collects what differs. wrong: beyond what rounding can do. inexact: where no rounding should change a bit."""
+
+    def __init__(self) -> None:
+        self.wrong = ""
+        self.inexact = ""
+
+    def expect(self, name: str, got: NDArray[Any], want: Floats, bound: Floats | float) -> None:
+        """Compares arrays [height, width, ...]. Where the bound is 0, bits must be equal, but may be close."""
+        error = np.abs(np.where(np.isfinite(got), got, np.inf) - want)
+        bound = np.broadcast_to(bound, error.shape)
+        exact = bound == 0
+        self._note(np.asarray(error > np.where(exact, CLOSE, bound)), name, got, want, wrong=True)
+        self._note(exact & (error > 0), name, got, want, wrong=False)
+
+    def image(self, image: NDArray[np.uint8], color: Floats, background: Any, bound: Floats) -> None:
+        """Compares the 8-bit picture with what a colour, premultiplied and with alpha, becomes over the background.
+
+        The sum or quotient and the product with 255 are off by 4 roundings of 255 more. A quotient's error weighs the
+        more the smaller alpha is.
+        """
+        alpha = color[..., 3:]
+        if background is None:
+            shown = np.concatenate(
+                [np.divide(color[..., :3], alpha, out=np.zeros_like(color[..., :3]), where=alpha > 0), alpha], -1
+            )
+            slack = 2 * bound[..., None] / np.maximum(alpha, ROUNDING) + 4 * ROUNDING
+        else:
+            shown = np.concatenate([color[..., :3] + (1 - alpha) * np.array(background), np.ones_like(alpha)], axis=-1)
+            slack = 2 * bound[..., None] + 4 * ROUNDING
+        low, high = (np.clip(np.floor((shown + sign * slack) * 255 + 0.5), 0, 255) for sign in (-1, 1))
+        self._note((image < low) | (image > high), "8-bit colour", image, np.clip(shown, 0, 1) * 255, wrong=True)
+
+    def _note(self, bad: NDArray[np.bool_], name: str, got: NDArray[Any], want: Floats, *, wrong: bool) -> None:
+        if (self.wrong if wrong else self.inexact) or not bad.any():
+            return
+        pixel = tuple(int(place) for place in np.argwhere(bad)[0][:2])
+        values = ", ".join(f"{value:.4g}" for value in np.atleast_1d(got[pixel]))
+        wished = ", ".join(f"{value:.4g}" for value in np.atleast_1d(want[pixel]))
+        pixels = bad.reshape(*bad.shape[:2], -1).any(axis=2)
+        text = f"{name} {values} in place of {wished} in {pixels.sum()} of {pixels.size} pixels"
+        if wrong:
+            self.wrong = text
+        else:
+            self.inexact = text
+
+
+CLOSE = 16 * ROUNDING
+"""How far off exact colours may be on a device that does not round correctly: a few operations of one more rounding."""
+
+
+def color_bound(stack: Stack, test: _Test) -> Floats:
+    """How far off each sample's colour may be: [samples]. 0 where all numbers are exact in float32.
+
+    A layer's own error e changes the picture by 2 e at most, as a C + (1 - a) B has the derivatives a and C - B.
+    weighted-average also divides by the sum: 3 e. Buffers of few bytes round each blend. The sums' 2.5 roundings a
+    layer stay below blending_bound, which allows for one more layer.
+    """
+    features, precision = test.wanted.features, getattr(test.options, "precision", DEFAULT_PRECISION)
+    layers = stack.present.sum(axis=1)
+    exact = not features.packed_color and not features.fragment_color and precision == DEFAULT_PRECISION
+    own = 0.0
+    if features.fragment_color:
+        own = (COLOR_ROUNDINGS + (LIGHT_ROUNDINGS if features.headlight else 0)) * ROUNDING
+    bound = 3 * own * layers + np.array([blending_bound(int(count) + 1, precision) for count in range(8)])[layers]
+    if test.request.technique.name == "translucency":
+        # The light from behind changes by its extinction times the error of the length, and exp rounds a few times.
+        return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
+    dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
+    return np.where(exact & dyadic, 0.0, bound)
+
+
+OPTICAL_MOST = 6.0
+"""At least the extinction of the known layers by default: OPTICAL_DIAGONAL over a diagonal that is longer than 1."""
+
+
+def length_bound(test: _Test) -> float:
+    """How far off a length may be. A depth's rounding changes its distance d by d^2 / near of that."""
+    roundings = DEPTH_ROUNDINGS
+    if test.wanted.features.depth_format != DEPTH_FORMATS[0]:
+        roundings += 4  # stored as window depths, the coarsest of which has steps of 2^-24
+    return 2 * roundings * ROUNDING * FAR * FAR / NEAR
+
+
+def _compare_layers(found: _Comparison, result: Result, stack: Stack, test: _Test) -> None:
+    """Compares the layers that peeling finds: numbers of faces, colours and distances."""
+    kept = peeled(stack, test.request.technique, test.options)
+    kept = kept | stack.opaque if test.request.opaque_first else kept
+    width, height = test.size
+    got = result.layers
+    count = np.diff(got.start).reshape(height, width)
+    found.expect("layers", count, kept.sum(axis=1).astype(np.float64).reshape(height, width), 0.0)
+    if found.wrong:
+        return
+    for k in range(got.count):
+        color, depth, face = got.layer(k)
+        place = np.argmax(np.cumsum(kept, axis=1) > k, axis=1)
+        some = (kept.sum(axis=1) > k).reshape(height, width)
+
+        def at(values: NDArray[Any], place: NDArray[np.int64] = place) -> NDArray[Any]:
+            taken = np.take_along_axis(values, place.reshape(-1, *[1] * (values.ndim - 1)), axis=1)[:, 0]
+            return taken.reshape(height, width, *values.shape[2:])
+
+        roundings = COLOR_ROUNDINGS + LIGHT_ROUNDINGS
+        found.expect("layer's face", np.where(some, face, 0), np.where(some, at(stack.face), 0).astype(np.float64), 0.0)
+        found.expect("layer's colour", color, at(stack.color) * some[..., None], roundings * ROUNDING)
+        bound = length_bound(test)
+        found.expect("layer's depth", np.where(some, depth, 0), np.where(some, at(stack.distance), 0), bound)
