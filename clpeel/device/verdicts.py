@@ -86,6 +86,13 @@ class Verdicts:
             return None
         return next((verdict for verdict in known if verdict.kind == "close"), known[0])
 
+    def summary(self, lanes: int) -> str:
+        """What all verdicts with so many lanes say together: "wrong" if any does, "right", or "not yet"."""
+        with self.lock:
+            if any(verdict.lanes == lanes for verdict in self.wrong):
+                return "wrong"
+            return "right" if any(verdict.lanes == lanes for verdict in self.good.values()) else "not yet"
+
     def add(self, verdict: Verdict) -> None:
         """Notes a verdict. Earlier ones on the same parts do not count any more."""
         with self.lock:

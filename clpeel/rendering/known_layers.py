@@ -36,17 +36,17 @@ FLAT_BACK, FLAT_FRONT = (4.0, 4.0, 4.0), (1.5, 1.5, 1.5)
 LEFT_NEARER, RIGHT_NEARER = (2.0, 2.0, 3.0), (3.0, 3.0, 2.0)
 
 FACES: tuple[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]], ...] = (
-    ((-14.0, 11.25, 11.25), (-12.25, -12.25, 13.75), FLAT_BACK),
-    ((-16.0, -16.0, 16.0), (-14.75, 13.75, -3.75), LEFT_NEARER),
-    ((-8.75, 15.25, 2.25), (-6.25, -4.75, 9.25), FLAT_FRONT),
-    ((-7.0, 13.0, 13.0), (11.75, 13.25, -15.25), FLAT_BACK),
-    ((-16.0, -16.0, 16.0), (10.25, -9.75, 5.25), RIGHT_NEARER),
+    ((-14.25, 11.0, 10.75), (-11.75, -12.25, 13.25), FLAT_BACK),
+    ((-16.0, -16.0, 16.0), (-15.0, 13.0, -3.0), LEFT_NEARER),
+    ((-9.25, 15.0, 3.25), (-5.25, -5.25, 10.25), FLAT_FRONT),
+    ((-8.0, 12.75, 13.0), (12.0, 12.25, -14.25), FLAT_BACK),
+    ((-16.0, -16.0, 16.0), (10.0, -10.0, 6.0), RIGHT_NEARER),
 )
 """The triangles in the order of submission: three x and three y in samples from the picture's centre, and three view
 distances. All of these numbers are exact in float32, as positions and as distances.
 """
 
-CUT = ((-16.0, -16.0, 16.0), (-11.25, 6.75, 7.75), (0.5, 0.5, 4.0))
+CUT = ((-16.0, -16.0, 16.0), (-12.0, 7.75, 8.0), (0.5, 0.5, 4.0))
 """One more triangle for pictures in which triangles are clipped: the near plane cuts it."""
 
 OPAQUE_FACE = 4

@@ -166,6 +166,11 @@ class Result:
         raise AttributeError(f"'Result' object has no attribute {name!r}")
 
     @property
+    def rounding(self) -> float:
+        """How far off a channel may be through rounding alone, 0..1 (techniques.precision.blending_bound)."""
+        return self._rounding
+
+    @property
     def layers(self) -> Layers:
         """The layers that the technique peels of every pixel, front to back.
 

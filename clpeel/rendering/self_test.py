@@ -22,7 +22,19 @@ from clpeel.device.program import lacks, source
 from clpeel.device.verdicts import Kind, Parts, Verdict, verdicts_of
 from clpeel.errors import DeviceError
 from clpeel.options import Options
-from clpeel.rendering.known_layers import FAR, HEIGHT, NEAR, SHOWN, WIDTH, Floats, Stack, Wanted, peeled, stack_of
+from clpeel.rendering.known_layers import (
+    FACES,
+    FAR,
+    HEIGHT,
+    NEAR,
+    SHOWN,
+    WIDTH,
+    Floats,
+    Stack,
+    Wanted,
+    peeled,
+    stack_of,
+)
 from clpeel.rendering.request import Request
 from clpeel.techniques import ERROR_BOUND
 from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
@@ -41,8 +53,8 @@ BACKGROUND = (0.25, 0.5, 1.0)
 MAX_ERROR = 0.125
 """Which layers are skipped, if the picture skips any."""
 
-MOST_PASSES = 6
-"""The known layers have no more. So all greater numbers of passes are one case."""
+MOST_PASSES = len(FACES) + 1
+"""The known layers need no more, so all greater numbers of passes are one case."""
 
 NO_MATTER = ("scale_bar", "thickness_range", "sigma", "light_color")
 """Options of techniques that kernels do not see, or only as a number."""
@@ -66,6 +78,9 @@ the product with 1 - AMBIENT, the sum, and the product with the colour.
 
 DEPTH_ROUNDINGS = 24
 """Of two depths: 12 each for a corner, its shift to the snapped corner, and the interpolation."""
+
+LAYERS = len(FACES) + 1
+"""No sample of the known layers has more."""
 
 MESSAGE = 200
 """How many characters an error's text may take in a verdict."""
@@ -226,15 +241,16 @@ def _compared(result: Result, test: _Test, lacking: str) -> tuple[Kind, str]:
         """The means over the samples of pixels: [height, width, ...]."""
         return values.reshape(height, side, width, side, *values.shape[1:]).mean(axis=(1, 3))
 
-    bound = means(color_bound(stack, test) + 0 * stack.distance[:, 0])
+    bound = means(color_bound(stack, test))
+    bound = np.where(bound > 0, bound + side * side * ROUNDING * LAYERS, 0.0)  # a mean adds up so many samples
     if len(color):
         shown = means(color)
         shown[..., 3] = 1 - shown[..., 3]
         slack = bound
-        if test.options is not None and getattr(test.options, "max_error", None) is not None:
-            if test.wanted.features.surfaces != "opaque":
-                slack = bound + result.map(ERROR_BOUND)
-            found.expect("skipped", result.map(ERROR_BOUND), np.zeros((height, width)), MAX_ERROR + bound)
+        if getattr(test.options, "max_error", None) is not None:
+            skipped = result.map(ERROR_BOUND)  # with what rounding may do
+            found.expect("error_bound", skipped, np.zeros_like(shown[..., 0]), MAX_ERROR + result.rounding)
+            slack = bound + skipped
         found.expect("colour", result.color, shown, slack[..., None])
         found.image(result.image, shown, test.given["background"], slack)
     for name, wished in maps.items():
@@ -306,8 +322,8 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     """How far off each sample's colour may be: [samples]. 0 where all numbers are exact in float32.
 
     A layer's own error e changes the picture by 2 e at most, as a C + (1 - a) B has the derivatives a and C - B.
-    weighted-average also divides by the sum: 3 e. Buffers of few bytes round each blend. The sums' 2.5 roundings a
-    layer stay below blending_bound, which allows for one more layer.
+    weighted-average also divides by the sum: 3 e. weighted-sum goes beyond 1, up to the number of layers. Buffers of
+    few bytes round each blend. The sums' 2.5 roundings a layer stay below blending_bound, which has one more layer.
     """
     features, precision = test.wanted.features, getattr(test.options, "precision", DEFAULT_PRECISION)
     layers = stack.present.sum(axis=1)
@@ -315,7 +331,8 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     own = 0.0
     if features.fragment_color:
         own = (COLOR_ROUNDINGS + (LIGHT_ROUNDINGS if features.headlight else 0)) * ROUNDING
-    bound = 3 * own * layers + np.array([blending_bound(int(count) + 1, precision) for count in range(8)])[layers]
+    blends = np.array([blending_bound(count + 1, precision) for count in range(LAYERS + 1)])[layers]
+    bound = (3 * own * layers + blends) * np.maximum(layers, 1)
     if test.request.technique.name == "translucency":
         # The light from behind changes by its extinction times the error of the length, and exp rounds a few times.
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING

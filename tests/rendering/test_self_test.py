@@ -1,0 +1,318 @@
+"""The self-test: right kernels pass in every kind of picture, wrong ones do not, and it costs next to nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import clpeel
+from clpeel.device import program, verdicts
+from clpeel.device.devices import open_device
+from clpeel.device.layout import Features
+from clpeel.device.verdicts import verdicts_of
+from clpeel.errors import DeviceError
+from clpeel.rendering import self_test
+from clpeel.rendering.known_layers import SHOWN, Wanted
+from clpeel.techniques import TECHNIQUES
+
+SIZE = (40, 32)
+
+
+@pytest.fixture(autouse=True)
+def nothing_known(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """No verdict is known at first. Kernels that were compiled before are at hand."""
+    monkeypatch.delenv(self_test.SKIP, raising=False)
+    monkeypatch.setattr(verdicts, "_known", {})
+    kept = verdicts.cache_of
+
+    class Elsewhere:
+        def __init__(self, device: Any) -> None:
+            self.folder = tmp_path / kept(device).folder.name
+
+    monkeypatch.setattr(verdicts, "cache_of", Elsewhere)
+
+
+@pytest.fixture
+def tested(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The kinds of the verdicts of all tests that are made."""
+    kinds: list[str] = []
+    made = self_test._tested
+
+    def test(*arguments: Any) -> Any:
+        verdict, notes = made(*arguments)
+        kinds.append(verdict.kind)
+        return verdict, notes
+
+    monkeypatch.setattr(self_test, "_tested", test)
+    return kinds
+
+
+def picture(wanted: Wanted, technique: str = "sort", lanes: int | None = None, **options: Any) -> clpeel.Result:
+    """A picture of known layers themselves."""
+    return clpeel.Renderer(wanted.scene(), None, lanes).render(wanted.camera(), SIZE, technique, **options)
+
+
+def layers(
+    rate: str = "face", surfaces: str = "transparent", packed: bool = True, perspective: bool = True, cut: bool = False
+) -> Wanted:
+    return Wanted(Features(1, rate, packed), surfaces, perspective, False, cut)
+
+
+# Each technique with each of its options that kernels are compiled for or launched by, and each feature, once at least.
+PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
+    (layers(), "sort", {}),
+    (layers("vertex", "mixed", cut=True), "sort", {"lighting": "headlight", "layers": True}),
+    (layers("scene", packed=False), "sort", {"max_error": 0.01, "samples": 4, "background": None}),
+    (layers("face", "opaque", perspective=False), "sort", {"precision": "unorm8", "samples": 256}),
+    (layers("face", "opaque"), "sort", {"opaque": "blend", "precision": "half", "depth_format": "rgba8"}),
+    (layers("face", "mixed", packed=False, cut=True), "depth-peeling", {"passes": 2}),
+    (layers(packed=False, perspective=False), "depth-peeling", {"coincident": "paper", "depth_format": "unorm24"}),
+    (layers("scene"), "depth-peeling", {"passes": 3, "occlusion_query": False, "precision": "unorm8"}),
+    (layers("vertex"), "dual-depth-peeling", {"coincident": "paper", "layers": True}),
+    (layers("face", "mixed"), "dual-depth-peeling", {"passes": 1, "lighting": "headlight"}),
+    (layers(packed=False), "dual-depth-peeling", {"max_error": 0.01}),
+    (layers("vertex", "mixed"), "multi-layer-peeling", {"layers_per_pass": 3, "precision": "half"}),
+    (layers(), "multi-layer-peeling", {"layers_per_pass": 2, "passes": 1}),
+    (layers(packed=False), "multi-layer-peeling", {"hazard_window": 2, "layers_per_pass": 2}),
+    (layers("scene"), "glowscript", {"lighting": "headlight"}),
+    (layers("face", "mixed", packed=False), "glowscript", {"passes": 2, "precision": "unorm8"}),
+    (layers(), "thickness", {}),
+    (layers(perspective=False), "thickness", {"variant": "total", "samples": 4}),
+    (layers(cut=True), "thickness", {"variant": "first-solid"}),
+    (layers(), "thickness", {"projected": True, "depth_format": "float32"}),
+    (layers("vertex", cut=True), "translucency", {"lighting": "headlight", "background": None}),
+    (layers("face", packed=False), "translucency", {"variant": "total", "precision": "half"}),
+    (layers("face", "mixed", packed=False), "weighted-average", {}),
+    (layers("vertex"), "weighted-average", {"precision": "unorm8"}),
+    (layers("scene", packed=False), "weighted-sum", {"precision": "half", "samples": 16}),
+    (layers("face", "mixed"), "weighted-sum", {"lighting": "headlight", "background": None}),
+    (layers(), "layer-count", {"samples": 4}),
+    (layers(), "auto", {}),
+]
+
+
+@pytest.mark.parametrize(("wanted", "technique", "options"), PICTURES, ids=lambda each: str(each)[:40])
+def test_right_kernels_are_found_right(
+    wanted: Wanted, technique: str, options: dict[str, Any], lanes: int, tested: list[str]
+) -> None:
+    picture(wanted, technique, lanes, **options)
+    picture(wanted, technique, lanes, **options)
+    assert tested == ["right"], "tested once, and right"
+
+
+def test_these_are_all_techniques_and_options() -> None:
+    named = {technique for _, technique, _ in PICTURES}
+    assert named == {*TECHNIQUES, "auto"}
+    assert set(SHOWN) == set(TECHNIQUES)
+    given = {name for _, _, options in PICTURES for name in options}
+    known = {name for technique in TECHNIQUES.values() for name in technique.option_names}
+    assert known - given == {"hazard_order", "torn_writes", *self_test.NO_MATTER}
+
+
+@pytest.fixture
+def kernels_with(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+    """kernels_with(old, new): kernels are compiled from sources that are changed so, as if the driver did it."""
+    opened, written = open_device, program.source
+
+    def change(old: str, new: str) -> None:
+        def source(path: str) -> str:
+            return written(path).replace(old, new)
+
+        def fresh(*arguments: Any) -> Any:
+            gpu = opened(*arguments)
+            gpu.builds = {}  # those of the other tests are of the sources as they are
+            return gpu
+
+        for module in (program, self_test):
+            monkeypatch.setattr(module, "source", source)
+        monkeypatch.setattr("clpeel.rendering.renderer.open_device", fresh)
+
+    return change
+
+
+UNDER = "destination->red + destination->alpha * (source->alpha"
+
+WRONG: list[tuple[str, str, str, Wanted, dict[str, Any]]] = [
+    (UNDER, UNDER.replace(" * (", " + ("), "sort", layers(), {}),
+    (UNDER, UNDER.replace(" + ", " - "), "multi-layer-peeling", layers("vertex"), {}),
+    ("value = value * 255.0f + 0.5f;", "value = value * 255.0f;", "sort", layers(), {}),
+    ("return key > b->key;", "return key >= b->key;", "depth-peeling", layers(), {}),
+    ("return key > b->key;", "return key < b->key;", "dual-depth-peeling", layers(), {}),
+    ("if (!BY_DEPTH) key -= a->payload > b->payload;", "", "depth-peeling", layers(), {}),
+    ("shades->red = a * p.x + b * q.x", "shades->red = b * p.x + a * q.x", "sort", layers("vertex"), {}),
+    ("AMBIENT + (1.0f - AMBIENT) * cosine", "AMBIENT + (0.99f - AMBIENT) * cosine", "sort", layers(), {"lit": True}),
+    ("length += within ? passed", "length -= within ? passed", "thickness", layers(), {}),
+    ("resolved->alpha = 1.0f - resolved->alpha;", "resolved->alpha = resolved->alpha;", "weighted-sum", layers(), {}),
+    ("if (tile >= to_tile) break;", "if (tile + 1 >= to_tile) break;", "sort", layers(), {}),
+]
+"""An operator or so that is another one, and a picture whose kernels it is in."""
+
+
+@pytest.mark.parametrize(("old", "new", "technique", "wanted", "options"), WRONG, ids=[wrong[1] for wrong in WRONG])
+def test_wrong_kernels_are_refused(
+    old: str,
+    new: str,
+    technique: str,
+    wanted: Wanted,
+    options: dict[str, Any],
+    kernels_with: Callable[[str, str], None],
+    tested: list[str],
+) -> None:
+    assert any(old in program.source(path) for path in (TECHNIQUES[technique].kernel, "stages/setup.cl"))
+    kernels_with(old, new)
+    lighting: Any = "headlight" if options.get("lit") else "none"
+    for _ in range(2):  # the second time the verdict is known
+        with pytest.raises(DeviceError) as error:
+            picture(wanted, technique, lighting=lighting)
+        said = str(error.value)
+        assert "\n" not in said and technique in said and " in place of " in said and "another --device" in said
+        assert error.value.exit_code == 1 and str(verdicts_of(open_device().device).file) in said
+    assert tested == ["wrong"]
+
+
+def test_who_knows_may_skip_it(kernels_with: Callable[[str, str], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    kernels_with(UNDER, UNDER.replace(" + ", " - "))
+    monkeypatch.setenv(self_test.SKIP, "0")
+    with pytest.raises(DeviceError):
+        picture(layers())
+    monkeypatch.setenv(self_test.SKIP, "1")
+    assert (picture(layers()).color < 0).any()
+
+
+def test_a_wrong_verdict_is_kept_and_forgotten_with_its_file(kernels_with: Callable[[str, str], None]) -> None:
+    kernels_with("value = value * 255.0f + 0.5f;", "value = value * 255.0f;")
+    with pytest.raises(DeviceError):
+        picture(layers())
+    file = verdicts_of(open_device().device).file
+    kernels_with("value = value * 255.0f;", "value = value * 255.0f;")  # as they are
+    verdicts._known.clear()
+    picture(layers())  # the sources are others, so the verdict does not count
+    assert [line.split("\t")[1] for line in file.read_text().splitlines() if line] == ["wrong", "right"]
+
+
+def test_a_known_lack_is_a_note(kernels_with: Callable[[str, str], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bits that are off by a rounding are wrong, unless the device says that it rounds otherwise."""
+    kernels_with("destination->alpha * (1.0f - source->alpha)", "destination->alpha * (0x1.fffffep-1f - source->alpha)")
+    wanted = layers(packed=False)
+    with pytest.raises(DeviceError):
+        picture(wanted)
+    verdicts._known.clear()
+    verdicts_of(open_device().device).file.unlink()
+    verdicts._known.clear()
+    monkeypatch.setattr(self_test, "lacks", lambda gpu: "does not round quotients and roots correctly")
+    for _ in range(2):
+        (note,) = picture(wanted).stats.notes
+        assert "does not round quotients and roots correctly, so the last bits may differ" in note
+
+
+def test_numbers_that_kernels_make_up_are_a_wrong_picture(kernels_with: Callable[[str, str], None]) -> None:
+    """A pixel with more fragments than there are is an error that the picture is not to blame for."""
+    kernels_with("(uint4)(total, deepest, solid, 0)", "(uint4)(total, ~0u, solid, 0)")
+    assert "~0u, solid" in program.source("techniques/sort.cl")
+    with pytest.raises(DeviceError, match="got InputError .memory: expected room for the 4,294,967,295 fragments"):
+        picture(layers())
+
+
+def test_torn_writes_are_not_tested(tested: list[str]) -> None:
+    scene = clpeel.Scene.from_arrays([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [[0, 1, 2]], color=(0.2, 0.5, 0.9, 0.4))
+    clpeel.render(scene, size=SIZE, technique="multi-layer-peeling", torn_writes=True)
+    assert tested == []
+
+
+# --- what it costs, in processes of their own -------------------------------------------------------------------------
+
+COSTS = """
+import json, os, sys, time
+import numpy as np
+import clpeel
+from clpeel.device import workshop
+from clpeel.rendering import self_test
+
+def compiled():
+    return {os.path.relpath(os.path.join(at, name), workshop.folder()) for at, _, names in os.walk(workshop.folder())
+            for name in names if name.endswith(".so")}
+
+faces, options, size = json.loads(sys.argv[1])
+count = np.arange(300)
+corners = np.stack([np.cos(count), np.sin(count), count / 300], axis=1)
+numbers = np.zeros((faces, 3), int)  # all but the first hundred have no area
+numbers[:100] = count.reshape(-1, 3)
+scene = clpeel.Scene.from_arrays(corners, numbers, color=(0.2, 0.5, 0.9, 0.4))
+seconds, made = [], self_test._tested
+def test(*arguments):
+    begun = time.perf_counter()
+    found = made(*arguments)
+    seconds.append(time.perf_counter() - begun)
+    return found
+self_test._tested = test
+renderer = clpeel.Renderer(scene)
+if "warm" in sys.argv:
+    os.environ["CLPEEL_SKIP_CHECK"] = "1"
+    renderer.render(size=size, **options)
+    del os.environ["CLPEEL_SKIP_CHECK"]
+renderer.render(size=size, **options)
+print(json.dumps([sorted(compiled()), seconds]))
+"""
+
+
+def costs(faces: int, options: dict[str, Any], cache: Path, *words: str, **environment: str) -> tuple[set[str], list]:
+    """The kernels that PoCL has compiled for a picture, and the seconds of the tests."""
+    command = [sys.executable, "-P", "-c", COSTS, json.dumps([faces, options, [200, 150]]), *words]
+    inherited = {**os.environ, "XDG_CACHE_HOME": str(cache), **environment}
+    inherited.pop("POCL_CACHE_DIR", None)
+    done = subprocess.run(command, env=inherited, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    files, seconds = json.loads(done.stdout.splitlines()[-1])
+    return set(files), seconds
+
+
+needs_pocl = pytest.mark.skipif(
+    "pocl" not in open_device().device.platform.version.lower(), reason="knows where PoCL keeps what it has compiled"
+)
+
+
+@needs_pocl
+@pytest.mark.parametrize(
+    ("faces", "options"),
+    [(100, {"layers": True}), (1_100_000, {"technique": "weighted-sum"})],
+    ids=["layers", "many"],
+)
+def test_it_compiles_nothing_of_its_own(faces: int, options: dict[str, Any], tmp_path: Path) -> None:
+    """PoCL compiles a kernel again for launches of another size, so the test launches kernels as the picture does."""
+    with_test, seconds = costs(faces, options, tmp_path / "with")
+    without, none = costs(faces, options, tmp_path / "without", CLPEEL_SKIP_CHECK="1")
+    assert len(seconds) == 1 and none == []
+    assert with_test == without and with_test
+
+
+@needs_pocl
+def test_it_takes_less_than_50_ms_once(tmp_path: Path) -> None:
+    costs(100, {}, tmp_path, CLPEEL_SKIP_CHECK="1")  # kernels are compiled and kept, but not tested
+    _, seconds = costs(100, {}, tmp_path, "warm")
+    assert len(seconds) == 1 and seconds[0] < 0.05
+    _, seconds = costs(100, {}, tmp_path)
+    assert seconds == []
+
+
+def test_warm_up_leaves_verdicts(tmp_path: Path) -> None:
+    """No first picture of a kind that was warmed up is tested, with a triangle that is clipped or without."""
+    script = (
+        "import sys, clpeel, trimesh\nfrom clpeel.rendering import self_test\n"
+        "from clpeel.rendering.warm_up import warm_up\n"
+        "warm_up(['layer-count'])\n"
+        "self_test._tested = lambda *_: sys.exit('it is tested')\n"
+        "for opacity, light in ((0.5, 'headlight'), (1.0, 'headlight'), (None, 'none')):\n"
+        "    scene = clpeel.load(trimesh.creation.icosphere(), opacity=opacity)\n"
+        "    clpeel.render(scene, size=(64, 48), technique='layer-count', lighting=light, keep_color=False)\n"
+    )
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    environment.pop("POCL_CACHE_DIR", None)
+    done = subprocess.run([sys.executable, "-P", "-c", script], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
