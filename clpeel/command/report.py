@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from clpeel.device.devices import DeviceInfo
 
 PACKAGES = ("clpeel", "pyopencl", "pocl-binary-distribution", "numpy", "trimesh", "Pillow")
-ICD_FOLDERS = ("/etc/OpenCL/vendors",)
 ICD_VARIABLES = (
     "CLPEEL_DEVICE",
+    "CLPEEL_SKIP_CHECK",
+    "RUSTICL_ENABLE",
     "OCL_ICD_VENDORS",
     "OCL_ICD_FILENAMES",
     "OPENCL_VENDOR_PATH",
@@ -66,25 +67,37 @@ def technique_table() -> list[str]:
 
 
 def device_table() -> list[str]:
-    """Return the numbered devices, one line each, under a heading. Raises NoDeviceError if there are none."""
-    rows: list[tuple[object, ...]] = [("number", "kind", "units", "memory", "OpenCL", "platform", "name")]
-    for device in _devices():
+    """Return the numbered devices, one line each, under a heading. Below them: the default, and drivers that fail.
+
+    Raises NoDeviceError if there are no devices.
+    """
+    from clpeel.device.devices import CHOICE, why_default
+    from clpeel.device.drivers import silent_drivers
+
+    devices = _devices()
+    default, reason = why_default(devices)
+    heading = ("number", "kind", "units", "memory", "OpenCL", "self-test", "platform", "name")
+    rows: list[tuple[object, ...]] = [heading]
+    for device in devices:
         memory = f"{device.memory / 2**30:.1f} GiB"
         # The version reads like "OpenCL 3.0 PoCL HSTR: …". The words after the number repeat the platform, so they are
         # dropped.
         opencl = " ".join(device.version.split()[1:2]) or device.version
         rows.append(
             (
-                device.number,
+                f"{device.number}{' *' if device == default else ''}",
                 device.kind.split(" | ")[-1],
                 device.compute_units,
                 memory,
                 opencl,
+                device.tested,
                 device.platform.strip(),
                 device.name,
             )
         )
-    return table(rows)
+    lines = [*table(rows), f"* default: {reason}; choose another by --device or {CHOICE}"]
+    silent = silent_drivers(device.library for device in devices)
+    return [*lines, *(f"driver '{driver.icd}': {driver.library} {driver.problem}" for driver in silent)]
 
 
 def _processor() -> str:
@@ -119,10 +132,12 @@ def _kernels() -> str:
 def _drivers() -> list[str]:
     """Return where an OpenCL loader looks for drivers on this machine."""
     lines = [f"{name}={os.environ[name]}" for name in ICD_VARIABLES if name in os.environ]
-    for folder in ICD_FOLDERS:
-        files = sorted(os.listdir(folder)) if os.path.isdir(folder) else []
-        lines.append(f"{folder}: {', '.join(files) or 'none'}")
-    return lines
+    try:
+        from clpeel.device.drivers import icd_files
+
+        return lines + ([str(file) for file in icd_files()] or ["no .icd file"])
+    except Exception as error:  # pyopencl may be missing or fail, and the report must show how
+        return [*lines, f"{type(error).__name__}: {error}"]
 
 
 def report() -> list[str]:
@@ -139,7 +154,10 @@ def report() -> list[str]:
     lines.append("")
     try:
         lines += device_table()
-        lines += [f"driver of {device.number}: {device.driver} | {device.version}" for device in _devices()]
+        lines += [
+            f"driver of {device.number}: {device.driver} | {device.version} | {device.library or 'unknown library'}"
+            for device in _devices()
+        ]
     except Exception as error:  # a driver may fail in any way, and the report must show how
         lines.append(f"devices: {type(error).__name__}: {error}")
     return lines

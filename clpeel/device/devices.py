@@ -1,15 +1,18 @@
-"""Devices: lists them, finds one by number or name, and opens it."""
+"""Devices: lists them in the order of preference, finds one by number or name, and opens it."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from threading import Lock
 
 import pyopencl as cl
 
 from clpeel.device import workshop
+from clpeel.device.drivers import library_of, packages, silent_drivers
+from clpeel.device.verdicts import verdicts_of
 from clpeel.device.workspace import Workspace
 from clpeel.errors import DeviceError, InputError, NoDeviceError
 
@@ -30,9 +33,17 @@ Vectors are no faster there, and Oclgrind rounds some vector operations wrongly.
 ALLOWED_LANES = (1, 16, 32, 64, 128)
 
 
+CHOICE = "CLPEEL_DEVICE"
+"""The environment variable that names a device where no argument does."""
+
+
 @dataclass(frozen=True)
 class DeviceInfo:
-    """One OpenCL device as `clpeel devices` lists it."""
+    """One OpenCL device as `clpeel devices` lists it.
+
+    memory: bytes. library: the file of its driver, or empty if that is unknown. tested: whether known layers were drawn
+    rightly by all kernels that have drawn there, with the device's own number of lanes: "right", "wrong" or "not yet".
+    """
 
     number: int
     name: str
@@ -40,13 +51,41 @@ class DeviceInfo:
     version: str
     kind: str
     compute_units: int
-    memory: int  # bytes
+    memory: int
     driver: str
+    library: str
+    tested: str
     device: cl.Device = field(repr=False, compare=False)
+
+    @property
+    def words(self) -> str:
+        """What a device may be chosen by."""
+        return f"{self.name} {self.platform} {self.device.platform.version} {self.driver}"
+
+    @property
+    def is_pocl(self) -> bool:
+        """Whether its driver is PoCL."""
+        return "pocl" in self.device.platform.version.lower()
+
+    @property
+    def came_along(self) -> bool:
+        """Whether its driver was installed as a package of this Python, as clpeel's own dependency is."""
+        return bool(self.library) and Path(self.library).is_relative_to(packages())
+
+    @property
+    def place(self) -> tuple[int, ...]:
+        """What the list is sorted by: its first device is the default. Equal ones stay as the drivers list them.
+
+        Drivers that have drawn wrongly come last. CPUs come before all else. Among them PoCL is first, and of several
+        the one that came along with clpeel. So installing a driver does not change anybody's pictures. Interpreters of
+        kernels are behind drivers that compile them.
+        """
+        order = 0 if self.is_pocl and self.came_along else 1 if self.is_pocl else 2
+        return self.tested == "wrong", self.kind != "cpu", self.platform in INTERPRETERS, order
 
 
 def list_devices() -> list[DeviceInfo]:
-    """All OpenCL devices, numbered from 0 in the order in which platforms are found. Empty if there are none.
+    """All OpenCL devices in the order of preference (DeviceInfo.place), numbered from 0. Empty if there are none.
 
     Raises DeviceError in a process that was forked from one that has used OpenCL (check_process).
     """
@@ -65,10 +104,19 @@ def list_devices() -> list[DeviceInfo]:
                 compute_units=device.max_compute_units,
                 memory=device.global_mem_size,
                 driver=device.driver_version,
+                library=library_of(device.platform),
+                tested=verdicts_of(device).summary(own_lanes(device)),
                 device=device,
             )
         )
-    return found
+    found.sort(key=lambda info: info.place)
+    return [replace(info, number=number) for number, info in enumerate(found)]
+
+
+def own_lanes(device: cl.Device) -> int:
+    """How many work-items share a tile by default."""
+    has_wide_vectors = device.type & cl.device_type.CPU and device.platform.name.strip() not in INTERPRETERS
+    return CPU_LANES if has_wide_vectors else GPU_LANES
 
 
 def _platforms() -> list[cl.Platform]:
@@ -104,39 +152,63 @@ def check_process() -> None:
 
 
 def find_device(selector: int | str | None) -> DeviceInfo:
-    """The device with that number, or the first one whose name or platform contains that text.
+    """The device with that number, or the first one whose name, platform or version contains that text.
 
-    By default it is the first CPU device, or the first device if there is no CPU. Raises NoDeviceError when there is no
-    device at all or none fits, and DeviceError as list_devices does.
+    By default it is the first of list_devices. Raises NoDeviceError when there is no device at all or none fits, and
+    DeviceError as list_devices does.
     """
     devices = list_devices()
     if not devices:
-        raise NoDeviceError(INSTALL_HINT)
+        silent = [f"'{driver.icd}' {driver.problem}" for driver in silent_drivers(())]
+        raise NoDeviceError("; ".join([INSTALL_HINT, *silent]))
     if selector is None or selector == "":
-        return next((d for d in devices if d.device.type & cl.device_type.CPU), devices[0])
+        return devices[0]
     text = str(selector)
     if text.isdigit():
         fitting = [d for d in devices if d.number == int(text)]
     else:
-        fitting = [d for d in devices if text.lower() in f"{d.name} {d.platform}".lower()]
+        fitting = [d for d in devices if text.lower() in d.words.lower()]
     if not fitting:
         names = "; ".join(f"{d.number}: {d.name} ({d.platform})" for d in devices)
         raise NoDeviceError(f"device: expected a number or part of a name of {names}; got {text!r}")
     return fitting[0]
 
 
+def why_default(devices: Sequence[DeviceInfo]) -> tuple[DeviceInfo | None, str]:
+    """The device that is used where no argument names one, and why: a clause. devices: of list_devices, not empty.
+
+    The device is None if CLPEEL_DEVICE names none of them.
+    """
+    chosen = os.environ.get(CHOICE)
+    if chosen:
+        try:
+            return find_device(chosen), f"{CHOICE} is {chosen!r}"
+        except NoDeviceError:
+            return None, f"{CHOICE} is {chosen!r}, which is no device here"
+    first = devices[0]
+    if len(devices) == 1:
+        return first, "it is the only device"
+    if first.tested == "wrong":
+        return first, "all devices have drawn known layers wrongly"
+    others = [f"{info.name} has drawn known layers wrongly" for info in devices if info.tested == "wrong"]
+    if first.is_pocl and first.kind == "cpu":
+        reason = "PoCL comes with clpeel" if first.came_along else "PoCL comes before other drivers"
+    else:
+        reason = "CPUs come first" if first.kind == "cpu" else "there is no CPU device"
+    return first, "; ".join([reason, *others])
+
+
 def open_device(selector: int | str | None = None, lanes: int | None = None) -> Workspace:
     """A workspace with a queue on the chosen device.
 
     selector: as for find_device; by default the value of the environment variable CLPEEL_DEVICE. lanes: work-items that
-    share a tile, one of ALLOWED_LANES; by default 1 on a CPU and 64 elsewhere. Raises InputError if the device cannot
+    share a tile, one of ALLOWED_LANES; by default own_lanes. Raises InputError if the device cannot
     have so many lanes, and the errors of find_device.
     """
-    info = find_device(os.environ.get("CLPEEL_DEVICE") if selector is None else selector)
+    info = find_device(os.environ.get(CHOICE) if selector is None else selector)
     device = info.device
     if lanes is None:
-        has_wide_vectors = device.type & cl.device_type.CPU and info.platform not in INTERPRETERS
-        lanes = CPU_LANES if has_wide_vectors else GPU_LANES
+        lanes = own_lanes(device)
     if lanes not in ALLOWED_LANES:
         raise InputError(f"lanes: expected one of {', '.join(map(str, ALLOWED_LANES))}, got {lanes!r}")
     if lanes > device.max_work_group_size:
