@@ -30,6 +30,15 @@ def run_table(options: argparse.Namespace) -> int:
     return 0
 
 
+def run_devices(options: argparse.Namespace) -> int:
+    """Run `clpeel devices`: a table of them or, with `--check`, of their self-tests."""
+    if not options.check:
+        return run_table(options)
+    from clpeel.command.check import run_check
+
+    return run_check(options)
+
+
 def _in(module: str, name: str) -> Callable[[argparse.Namespace], int]:
     """Return a function of a module of this package. The module is imported only when the function is called."""
 
@@ -48,7 +57,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "complexity": _in("study", "run_complexity"),
     "warm-up": _in("warm_up", "run_warm_up"),
     "techniques": run_table,
-    "devices": run_table,
+    "devices": run_devices,
     "report": run_table,
 }
 

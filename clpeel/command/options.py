@@ -201,6 +201,17 @@ def add_warm_up_options(parser: argparse.ArgumentParser) -> None:
     _add_messages_options(parser)
 
 
+def add_check_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `devices`."""
+    add = parser.add_argument
+    add("--check", action="store_true", help="test the devices, compiling kernels where needed")
+    add("--device", metavar="DEVICE", help="with --check: only this one, by number or part of a name")
+    add("--techniques", type=values.names, metavar="NAME,...", help="with --check: only these (default: all)")
+    text = "with --check: the most that a test may take (default: 60)"
+    add("--timeout", type=values.positive, default=60.0, metavar="SECONDS", help=text)
+    add("--no-progress", action="store_true", help="no progress bar (it shows on a terminal)")
+
+
 def add_compare_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of `compare`: what to compare, and the scene, camera and device options of `render`."""
     group = parser.add_argument_group("comparison")

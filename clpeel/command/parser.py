@@ -40,6 +40,12 @@ Draw mesh files by every technique and set the pictures beside what blending the
 the times beside each other. Ctrl-C ends it with the rows that are finished.
 """
 
+DEVICES = """\
+List the OpenCL devices in the order of preference, with a star at the one that is used by default, and the drivers that
+offer no device. Before its first picture each set of kernels draws known layers. --check makes this test on each device
+for common kinds of pictures, in processes of their own, and fails if any is not right on the default device.
+"""
+
 WARM_UP = """\
 Compile the kernels of common kinds of pictures ahead, and keep them: after an installation, or while an image is built.
 Each kind takes a second or less, which the first picture of that kind then need not wait for.
@@ -84,7 +90,7 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
         None,
     ),
     "techniques": ("list the techniques and their options", "", "", None),
-    "devices": ("list the OpenCL devices", "", "", None),
+    "devices": ("list the OpenCL devices, the default one marked; or check them", "[options]", DEVICES, None),
     "report": ("print versions and devices, for a bug report", "", "", None),
 }
 """Each command's line of help, usage, description (by default that line), and what its help ends with."""
@@ -208,6 +214,7 @@ def _add_options(parser: Parser) -> None:
     options.add_compare_options(of["compare"])
     options.add_picture_options(of["demo"], output="demo.png", resolution="1200,900", samples=16)
     options.add_warm_up_options(of["warm-up"])
+    options.add_check_options(of["devices"])
     for name in TABLES:
         of[name].add_argument("--verbose", action="store_true", help="on an error, show the whole trace")
     for action in _options(parser):

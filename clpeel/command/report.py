@@ -6,12 +6,6 @@ import os
 import platform
 import sys
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-from clpeel.errors import NoDeviceError
-
-if TYPE_CHECKING:
-    from clpeel.device.devices import DeviceInfo
 
 PACKAGES = ("clpeel", "pyopencl", "pocl-binary-distribution", "numpy", "trimesh", "Pillow")
 ICD_VARIABLES = (
@@ -43,15 +37,6 @@ def table(rows: Iterable[Iterable[object]]) -> list[str]:
     return ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells]
 
 
-def _devices() -> list[DeviceInfo]:
-    from clpeel.device.devices import INSTALL_HINT, list_devices
-
-    devices = list_devices()
-    if not devices:
-        raise NoDeviceError(INSTALL_HINT)
-    return devices
-
-
 def technique_table() -> list[str]:
     """Return one line for each technique, and below it the options of `render` that only some techniques have."""
     from clpeel.techniques import AUTO, AUTO_SUMMARY, TECHNIQUES, option_names
@@ -71,10 +56,10 @@ def device_table() -> list[str]:
 
     Raises NoDeviceError if there are no devices.
     """
-    from clpeel.device.devices import CHOICE, why_default
+    from clpeel.device.devices import CHOICE, all_devices, why_default
     from clpeel.device.drivers import silent_drivers
 
-    devices = _devices()
+    devices = all_devices()
     default, reason = why_default(devices)
     heading = ("number", "kind", "units", "memory", "OpenCL", "self-test", "platform", "name")
     rows: list[tuple[object, ...]] = [heading]
@@ -153,10 +138,12 @@ def report() -> list[str]:
     lines = table(rows)
     lines.append("")
     try:
+        from clpeel.device.devices import all_devices
+
         lines += device_table()
         lines += [
             f"driver of {device.number}: {device.driver} | {device.version} | {device.library or 'unknown library'}"
-            for device in _devices()
+            for device in all_devices()
         ]
     except Exception as error:  # a driver may fail in any way, and the report must show how
         lines.append(f"devices: {type(error).__name__}: {error}")

@@ -119,6 +119,15 @@ def own_lanes(device: cl.Device) -> int:
     return CPU_LANES if has_wide_vectors else GPU_LANES
 
 
+def all_devices() -> list[DeviceInfo]:
+    """`list_devices`, but raises NoDeviceError if there are none. The error names drivers that offer no device."""
+    devices = list_devices()
+    if not devices:
+        silent = [f"'{driver.icd}' {driver.problem}" for driver in silent_drivers(())]
+        raise NoDeviceError("; ".join([INSTALL_HINT, *silent]))
+    return devices
+
+
 def _platforms() -> list[cl.Platform]:
     try:
         return list(cl.get_platforms())
@@ -157,10 +166,7 @@ def find_device(selector: int | str | None) -> DeviceInfo:
     By default it is the first of list_devices. Raises NoDeviceError when there is no device at all or none fits, and
     DeviceError as list_devices does.
     """
-    devices = list_devices()
-    if not devices:
-        silent = [f"'{driver.icd}' {driver.problem}" for driver in silent_drivers(())]
-        raise NoDeviceError("; ".join([INSTALL_HINT, *silent]))
+    devices = all_devices()
     if selector is None or selector == "":
         return devices[0]
     text = str(selector)

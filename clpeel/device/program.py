@@ -24,6 +24,9 @@ _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _KERNEL = re.compile(r"^kernel void (\w+)\(([^)]*)\)", re.MULTILINE)
 _SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32, **dict.fromkeys(STRUCTS)}  # structs go as bytes
 
+DriverError = cl.Error
+"""What a driver raises, for code that does not use pyopencl itself."""
+
 Arguments = dict[str, cl.Buffer | NDArray[Any] | float | None]
 """Arguments of a kernel, by the kernel's names for them: buffers, structs (records.py), numbers, NULL."""
 

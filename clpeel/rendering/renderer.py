@@ -81,6 +81,7 @@ class Renderer:
         self._at_work: int | None = None  # the thread that is making a picture
         self._turn = Lock()
         self._tests = True  # whether kernels are tested before they draw
+        self.tests_again = False  # even if a verdict on them is known
 
     def beside(self, scene: Scene) -> Renderer:
         """A renderer of another scene on the same device, with buffers of its own. It serves a test, and makes none."""

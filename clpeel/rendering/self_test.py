@@ -86,6 +86,14 @@ MESSAGE = 200
 """How many characters an error's text may take in a verdict."""
 
 
+class WrongPictureError(DeviceError):
+    """The device's kernels draw known layers wrongly. reason: what was wrong, and which kernels drew it."""
+
+    def __init__(self, message: str, reason: str = "") -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
 @dataclass(frozen=True)
 class _Test:
     """What is drawn, and what names it.
@@ -110,24 +118,25 @@ class _Test:
 def check(renderer: Renderer, request: Request, triangles: Triangles, tiles: int) -> list[str]:
     """Tests the kernels of a picture that is about to be drawn, unless a verdict is known. Returns notes for its stats.
 
-    request: with its final technique. tiles: of the picture. Raises DeviceError if the kernels draw wrongly.
+    request: with its final technique. tiles: of the picture. Raises WrongPictureError if the kernels draw wrongly.
     """
     if os.environ.get(SKIP, "0") not in ("", "0") or getattr(request.options, "torn_writes", False):
         return []  # torn writes lose layers on purpose, so nobody knows the picture
     device = renderer.gpu.device
     verdicts = verdicts_of(device)
     test = _test_of(request, triangles, renderer.gpu.lanes)
-    verdict = verdicts.of(test.parts)
+    verdict = None if renderer.tests_again else verdicts.of(test.parts)
     notes: list[str] = []
     if verdict is None:
         verdict, notes = _tested(renderer, test, tiles)
         verdicts.keep(verdict)
     name = f"{device.name.strip()} ({device.platform.name.strip()}, driver {device.driver_version.strip()})"
     if verdict.kind == "wrong":
-        raise DeviceError(
+        raise WrongPictureError(
             f"device: expected {name} to draw known layers as they are, got {verdict.reason}; choose another --device "
             f"('clpeel devices' lists them); {SKIP}=1 draws all the same, and without '{verdicts.file}' it is tested "
-            "again"
+            "again",
+            verdict.reason,
         )
     if verdict.kind == "close":
         notes.append(f"{name} {verdict.reason}, so the last bits may differ from those of other devices")

@@ -745,7 +745,7 @@ def test_techniques_are_listed(capfd: Any) -> None:
 def test_devices_are_numbered(capfd: Any) -> None:
     assert cli.main(["devices"]) == 0
     heading, *rows = capfd.readouterr().out.splitlines()
-    assert heading.split() == ["number", "kind", "units", "memory", "OpenCL", "platform", "name"]
+    assert heading.split() == ["number", "kind", "units", "memory", "OpenCL", "self-test", "platform", "name"]
     assert [row.split()[0] for row in rows] == [str(number) for number in range(len(rows))]
 
 
