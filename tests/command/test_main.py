@@ -746,7 +746,25 @@ def test_devices_are_numbered(capfd: Any) -> None:
     assert cli.main(["devices"]) == 0
     heading, *rows = capfd.readouterr().out.splitlines()
     assert heading.split() == ["number", "kind", "units", "memory", "OpenCL", "self-test", "platform", "name"]
-    assert [row.split()[0] for row in rows] == [str(number) for number in range(len(rows))]
+    devices = [row for row in rows if row[0].isdigit()]
+    assert [row.split()[0] for row in devices] == [str(number) for number in range(len(devices))]
+
+
+def test_the_default_device_has_a_star_and_a_reason(capfd: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CLPEEL_DEVICE", raising=False)
+    assert cli.main(["devices"]) == 0
+    _, first, *others = capfd.readouterr().out.splitlines()
+    assert first.startswith("0 * ") and sum(line.startswith("* default: ") for line in others) == 1
+    assert any(line.endswith("; choose another by --device or CLPEEL_DEVICE") for line in others)
+
+
+def test_drivers_that_offer_no_device_are_listed(tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "broken.icd").write_text("/nonexistent/libbroken.so")
+    monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
+    for command in ("devices", "report"):
+        assert cli.main([command]) == 0
+        said = capfd.readouterr().out
+        assert f"driver '{tmp_path / 'broken.icd'}': /nonexistent/libbroken.so does not load: " in said
 
 
 def test_report_names_versions_and_devices(capfd: Any) -> None:
