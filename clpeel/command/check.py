@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from clpeel.command.report import table
 from clpeel.command.streams import print_text, quiet_libraries, say
 from clpeel.command.terminal import EXIT_FAILURE, Progress
+
+if TYPE_CHECKING:
+    from clpeel.rendering.check_devices import Checked
+
+
+def reason_of(each: Checked) -> str:
+    """Return a line that says why a test was not right, or was not made."""
+    what = "the others" if each.outcome == "not tried" else each.kind.name
+    return f"{each.device.number}, {what}: {each.outcome}: {each.reason}"
 
 
 def run_check(options: argparse.Namespace) -> int:
@@ -46,9 +56,8 @@ def run_check(options: argparse.Namespace) -> int:
         rows = [("device", "name", "kernels", "self-test")]
         rows += [(str(each.device.number), each.device.name, each.kind.name, each.outcome) for each in found]
         lines = table(rows)
-        reasons = {f"{each.device.number}, {each.kind.name}: {each.reason}": each for each in found if each.reason}
-        print_text("\n".join([*lines, *reasons]))
+        print_text("\n".join([*lines, *dict.fromkeys(reason_of(each) for each in found if each.reason)]))
     wrong = [each for each in found if each.device == default and each.outcome != "right"]
     if wrong:
-        say(f"{len(wrong)} of {len(kinds)} tests were not right on {wrong[0].device.name}, which is used by default")
+        say(f"{len(wrong)} of {len(kinds)} tests were not right on {wrong[0].device.name} ({wrong[0].device.platform})")
     return EXIT_FAILURE if wrong or default is None else 0

@@ -69,7 +69,7 @@ def check_devices(
             for kind in kinds:
                 yield device, kind
                 if in_a_row >= PATIENCE:
-                    yield Checked(device, kind, "not tried", f"{PATIENCE} others took too long")
+                    yield Checked(device, kind, "not tried", f"{PATIENCE} in a row took too long")
                     continue
                 child = child or _Child(_identity(device))
                 outcome, reason = child.outcome(kind, timeout)
