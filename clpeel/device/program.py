@@ -131,9 +131,9 @@ def launch(
 ) -> cl.Event | None:
     """Enqueues a kernel: `groups` work-groups of `lanes` work-items or, if lanes is None, `groups` work-items.
 
-    The number of work-items is then rounded up to a multiple of GROUP, and is at least what `gpu.least` says. stage: the
-    stage that the time counts for. arguments: by the kernel's own names, each exactly once. Returns the launch's event,
-    or None if there are no groups. Raises TypeError if an argument is missing or unknown.
+    The number of work-items is then rounded up to a multiple of GROUP, and is at least what `gpu.least` says. stage:
+    the stage that the time counts for. arguments: by the kernel's own names, each exactly once. Returns the launch's
+    event, or None if there are no groups. Raises TypeError if an argument is missing or unknown.
     """
     if groups == 0:
         return None

@@ -85,6 +85,10 @@ class Machine:
         """Launches a kernel that takes a strip of pixels in each work-item."""
         return self.over(name, int(self.held["strips"]))  # type: ignore[arg-type]
 
+    def over_fragments(self, name: str) -> cl.Event:
+        """Launches a kernel that takes so many neighbours of the run's fragments in each work-item as a strip has."""
+        return self.over(name, -(-int(self.held["count"]) // self.canvas.triangles.features.strip))  # type: ignore[arg-type]
+
     def over_tiles(self, name: str, window: Window) -> cl.Event:
         """Launches a kernel that takes a tile in each work-group."""
         return self.over(name, window.tiles, self.gpu.lanes)
@@ -217,11 +221,10 @@ class Peeler(Machine):
         yield self._blend(number)
 
     def _peel_fragments(self, turn: int) -> Iterator[cl.Event]:
-        strip = self.canvas.triangles.features.strip
         self.held["turn"] = turn
         for name in ("peel_fragments", "settle"):
             if self.has(name):
-                yield self.over(name, -(-int(self.held["count"]) // strip))  # type: ignore[arg-type]
+                yield self.over_fragments(name)
 
     def _blend(self, number: int) -> cl.Event:
         """Launches the full-screen pass. The bounds of the next pass are then in place."""
@@ -280,7 +283,7 @@ def add_up(canvas: Canvas, batch: Batch, path: str, defines: Mapping[str, int], 
         events = [machine.over_pixels("begin_sums")]
         for run in stream.runs(window):
             machine.take(run)
-            events.append(machine.over("count_depth", run.count))
+            events.append(machine.over_fragments("count_depth"))
             events.append(machine.over_tiles("blend_in_order", window))
             fragments += run.count
         machine.over_tiles("merge_sums", window)

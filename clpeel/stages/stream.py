@@ -29,6 +29,9 @@ PIXEL_BYTES = 4
 WINDOW_BYTES = 1 << 24
 """A window takes at most so many bytes, even where the memory has more room: then most of it stays in caches."""
 
+MOST_ITEMS = 65_000
+"""The most work-items over a window on a CPU. PoCL would compile a kernel anew for 65,536 and more."""
+
 BATCH_PIXEL_BYTES = 4 + FRAGMENT_BYTES + COLOR_BYTES
 """Bytes of a pixel for a whole part of a batch: where its list ends, z-far, and the colour of its opaque surface."""
 
@@ -148,6 +151,10 @@ class Stream:
         most_pixels = min(
             budget.largest // self._targets.widest_bytes, MAX_PLACES // (2 * max(self._targets.depths, 1))
         )
+        if self._gpu.lanes == 1:
+            most_fragments, most_pixels = (
+                min(most, MOST_ITEMS * self.canvas.triangles.features.strip) for most in (most_fragments, most_pixels)
+            )
         most_tiles = max(most_pixels // TILE_PIXELS, 1)
         capacity = max(min((room - tile_bytes) // self.fragment_bytes - FRAGMENT_PADDING, most_fragments), 1)
         ends = np.cumsum(totals)

@@ -27,8 +27,8 @@ kernel void begin_sums(uint strips, global Colors *sums, global uint *depth)
 
 kernel void count_depth(uint count, global const uint *pixels, volatile global uint *depth)
 {
-    uint at = get_global_id(0);
-    if (at < count) atomic_inc(depth + pixels[at]);
+    uint first = get_global_id(0) * STRIP;
+    for (uint at = first; at < MIN(first + STRIP, count); ++at) atomic_inc(depth + pixels[at]);
 }
 
 // first_tile, first_pixel, last_pixel, pixel_end, tile_start, run_start: as in stages/stream.cl.
