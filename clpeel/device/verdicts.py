@@ -18,7 +18,7 @@ from typing import Literal, get_args
 import pyopencl as cl
 
 from clpeel.device.building import cache_of
-from clpeel.device.cache import key_of
+from clpeel.device.cache import key_of, root
 from clpeel.files import open_at_once
 
 Kind = Literal["right", "close", "wrong"]
@@ -122,22 +122,22 @@ class Verdicts:
             self.good.update(dict.fromkeys(verdict.parts, verdict))
 
 
-_known: dict[Path, Verdicts] = {}
+_known: dict[tuple[int, Path], Verdicts] = {}  # by device, and by the folder of all compiled kernels
 _knowing = Lock()
 
 
 def verdicts_of(device: cl.Device) -> Verdicts:
     """The verdicts on the device. The file is read once in each process."""
-    file = cache_of(device).folder / "verdicts"
+    key = device.int_ptr, root()
     with _knowing:
-        if file not in _known:
-            found = Verdicts(file)
-            for line in _lines(file):
+        if key not in _known:
+            found = Verdicts(cache_of(device).folder / "verdicts")
+            for line in _lines(found.file):
                 verdict = _verdict(line)
                 if verdict is not None:
                     found.add(verdict)
-            _known[file] = found
-        return _known[file]
+            _known[key] = found
+        return _known[key]
 
 
 def _lines(file: Path) -> Iterator[str]:

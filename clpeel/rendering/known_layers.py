@@ -89,6 +89,11 @@ class Wanted:
         return np.array([*FACES, CUT] if self.cut else FACES, np.float64)
 
     @property
+    def view(self) -> str:
+        """How positions are projected, in words."""
+        return f"{'perspective' if self.perspective else 'parallel'}{', exact positions' if self.pairs else ''}"
+
+    @property
     def offset(self) -> float:
         """How far scene and camera are moved, so that positions are no float32 numbers if they should not be."""
         return 1 / 3 if self.pairs else 0.0

@@ -9,15 +9,16 @@ kernels as the picture does, so that nothing is compiled for it alone.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache as remembered
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.device.cache import key_of
-from clpeel.device.layout import DEPTH_FORMATS, TILE_PIXELS
+from clpeel.device.layout import DEPTH_FORMATS, TILE_PIXELS, Features
 from clpeel.device.program import lacks, source
 from clpeel.device.verdicts import Kind, Parts, Verdict, verdicts_of
 from clpeel.errors import DeviceError
@@ -36,6 +37,8 @@ from clpeel.rendering.known_layers import (
     stack_of,
 )
 from clpeel.rendering.request import Request
+from clpeel.stages.counting import count_layers
+from clpeel.stages.upload import DeviceScene, upload
 from clpeel.techniques import ERROR_BOUND
 from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
 
@@ -120,16 +123,58 @@ def check(renderer: Renderer, request: Request, triangles: Triangles, tiles: int
 
     request: with its final technique. tiles: of the picture. Raises WrongPictureError if the kernels draw wrongly.
     """
-    if os.environ.get(SKIP, "0") not in ("", "0") or getattr(request.options, "torn_writes", False):
-        return []  # torn writes lose layers on purpose, so nobody knows the picture
+    if getattr(request.options, "torn_writes", False):
+        return []  # they lose layers on purpose, so nobody knows the picture
+    test = _test_of(request, triangles, renderer.gpu.lanes)
+    return _checked(renderer, test.parts, lambda: _tested(renderer, test, tiles))
+
+
+def check_counting(renderer: Renderer, scene: DeviceScene, surfaces: str, perspective: bool) -> None:
+    """Tests the kernels that have counted layers, unless a verdict is known. Raises WrongPictureError as `check` does.
+
+    surfaces: the feature that the kernels were compiled for.
+    """
+    lanes = renderer.gpu.lanes
+    wanted = Wanted(Features(lanes, "face"), surfaces, perspective, scene.low_positions is not None, cut=False)
+    parts = frozenset(
+        {
+            _part("counting", [f"lanes {lanes}", surfaces], "stages/counting.cl"),
+            _part("projection", [f"lanes {lanes}", wanted.view], "stages/setup.cl"),
+        }
+    )
+
+    def counted() -> tuple[Verdict, list[str]]:
+        tester = renderer.beside(wanted.scene())
+        first, size = surfaces != "transparent", (WIDTH, HEIGHT)
+        found, stack = _Comparison(), stack_of(wanted, size, first)
+
+        def compare() -> tuple[Kind, str]:
+            got = count_layers(tester.gpu, upload(tester.gpu, tester.scene), wanted.camera(), size, first)
+            for name, values, want in (
+                ("layers", got.layers, stack.transparent.sum(axis=1)),
+                ("opaque", got.opaque, stack.opaque.any(axis=1)),
+            ):
+                found.expect(name, values.astype(np.float64), want.reshape(HEIGHT, WIDTH).astype(np.float64), 0.0)
+            return ("wrong", found.wrong or found.inexact) if found.wrong or found.inexact else ("right", "")
+
+        return _verdict(compare, parts, lanes), []
+
+    _checked(renderer, parts, counted)
+
+
+def _checked(renderer: Renderer, parts: Parts, test: Callable[[], tuple[Verdict, list[str]]]) -> list[str]:
+    """Makes the test, unless its verdict is known or nobody wants it. Returns notes, and raises WrongPictureError."""
+    if os.environ.get(SKIP, "0") not in ("", "0"):
+        return []
     device = renderer.gpu.device
     verdicts = verdicts_of(device)
-    test = _test_of(request, triangles, renderer.gpu.lanes)
-    verdict = None if renderer.tests_again else verdicts.of(test.parts)
+    verdict = None if renderer.tests_again else verdicts.of(parts)
     notes: list[str] = []
     if verdict is None:
-        verdict, notes = _tested(renderer, test, tiles)
+        verdict, notes = test()
         verdicts.keep(verdict)
+    if verdict.kind == "right":
+        return notes
     name = f"{device.name.strip()} ({device.platform.name.strip()}, driver {device.driver_version.strip()})"
     if verdict.kind == "wrong":
         raise WrongPictureError(
@@ -138,9 +183,7 @@ def check(renderer: Renderer, request: Request, triangles: Triangles, tiles: int
             "again",
             verdict.reason,
         )
-    if verdict.kind == "close":
-        notes.append(f"{name} {verdict.reason}, so the last bits may differ from those of other devices")
-    return notes
+    return [*notes, f"{name} {verdict.reason}, so the last bits may differ from those of other devices"]
 
 
 # --- what is tested ---------------------------------------------------------------------------------------------------
@@ -191,7 +234,6 @@ def _parts(request: Request, wanted: Wanted, lanes: int, ways: dict[str, object]
     """
     features, technique = wanted.features, request.technique
     with_lanes = f"lanes {lanes}"
-    view = f"{'perspective' if wanted.perspective else 'parallel'}{', exact positions' if wanted.pairs else ''}"
     words = [with_lanes, f"{features.color_rate} colours{'' if features.packed_color else ' as floats'}"]
     words += [features.surfaces, *(["lit"] if features.headlight else []), features.depth_format]
     name, path = technique.name, technique.kernel
@@ -199,18 +241,23 @@ def _parts(request: Request, wanted: Wanted, lanes: int, ways: dict[str, object]
         name, path = "opaque", "stages/opaque.cl"  # all techniques draw these alike
         ways = {way: value for way, value in ways.items() if way in ("precision", "samples", "background")}
     words += [f"{way} {value}" for way, value in ways.items() if way not in IN_FEATURES]
-    words += [view.partition(",")[0]] if technique.maps else []  # lengths depend on it
+    words += [wanted.view.partition(",")[0]] if technique.maps else []  # lengths depend on it
     parts = [
         _part(name, words, path),
-        _part("projection", [with_lanes, view], "stages/setup.cl"),
-        *([_part("clipping", [with_lanes, view], "stages/clipping.cl")] if wanted.cut else []),
+        _part("projection", [with_lanes, wanted.view], "stages/setup.cl"),
+        *([_part("clipping", [with_lanes, wanted.view], "stages/clipping.cl")] if wanted.cut else []),
         *([_part("layers", words, "stages/find_layers.cl", "stages/windows.cl")] if request.picture.layers else []),
     ]
     return frozenset(parts)
 
 
 def _part(name: str, words: list[str], *paths: str) -> str:
-    return f"{name}: {', '.join(words)} [{key_of(*map(source, paths))[:16]}]"
+    return f"{name}: {', '.join(words)} [{_digest(*map(source, paths))}]"
+
+
+@remembered
+def _digest(*texts: str) -> str:
+    return key_of(*texts)[:16]
 
 
 # --- the test ---------------------------------------------------------------------------------------------------------
@@ -221,17 +268,26 @@ def _tested(renderer: Renderer, test: _Test, tiles: int) -> tuple[Verdict, list[
     tester = renderer.beside(test.wanted.scene())
     tester.gpu.least["peel_layers"] = TILE_PIXELS * tiles
     notes: list[str] = []
-    try:
+
+    def compare() -> tuple[Kind, str]:
         result = tester.render(test.wanted.camera(), test.size, test.request.technique.name, **test.given)
-        notes = list(result.stats.notes)
-        kind, reason = _compared(result, test, lacks(renderer.gpu))
+        notes.extend(result.stats.notes)
+        return _compared(result, test, lacks(renderer.gpu))
+
+    return _verdict(compare, test.parts, renderer.gpu.lanes), notes
+
+
+def _verdict(compare: Callable[[], tuple[Kind, str]], parts: Parts, lanes: int) -> Verdict:
+    """The verdict that a comparison gives. Errors that wrong numbers lead to are wrong pictures, too."""
+    try:
+        kind, reason = compare()
     except DeviceError:
         raise  # there is no room to compile in: this says nothing of the driver
     except (ValueError, IndexError, ArithmeticError, MemoryError) as error:  # of numbers that the kernels made up
         kind, reason = "wrong", f"{type(error).__name__} ({str(error)[:MESSAGE]})"
     if kind == "wrong":
-        reason += f", by {'; '.join(part.partition(' [')[0] for part in sorted(test.parts))}"
-    return Verdict(kind, renderer.gpu.lanes, test.parts, reason), notes
+        reason += f", by {'; '.join(part.partition(' [')[0] for part in sorted(parts))}"
+    return Verdict(kind, lanes, parts, reason)
 
 
 def _compared(result: Result, test: _Test, lacking: str) -> tuple[Kind, str]:

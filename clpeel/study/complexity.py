@@ -22,6 +22,7 @@ from clpeel.rendering.estimates import estimated_seconds
 from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
 from clpeel.rendering.renderer import Renderer
 from clpeel.rendering.request import Progress, check_picture_fits
+from clpeel.rendering.self_test import check_counting
 from clpeel.scene.camera import Camera
 from clpeel.scene.scene import Scene
 from clpeel.stages.counting import Counted, count_layers
@@ -198,7 +199,8 @@ def complexity(
     The parameters are those of `render`. camera: by default `Camera.frame(scene)`. size: (width, height) in pixels.
     lighting: affects the estimates of time only. opaque: "first" counts only the transparent fragments in front of
     opaque surfaces, "blend" counts all fragments. memory: bytes, or text such as "512M". device, lanes. progress: is
-    called with the share that is done (0..1) and a text. Raises InputError if any of these is invalid.
+    called with the share that is done (0..1) and a text. Raises InputError if any of these is invalid, and DeviceError
+    if the device's kernels count known layers wrongly.
     """
     renderer = Renderer(scene, device, lanes)
     picture = PictureOptions(size=size, lighting=lighting, opaque=opaque, memory=memory)
@@ -225,6 +227,7 @@ def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progre
         return count_layers(renderer.gpu, on_device, camera, picture.size, opaque_first, picture.memory_limit, told)
 
     counted = count()
+    check_counting(renderer, on_device, counted.tiles.features.surfaces, not camera.orthographic)
     if counted.seconds >= SOON:
         return counted
     again = count()

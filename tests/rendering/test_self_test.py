@@ -220,6 +220,20 @@ def test_numbers_that_kernels_make_up_are_a_wrong_picture(kernels_with: Callable
         picture(layers())
 
 
+@pytest.mark.parametrize("surfaces", ["transparent", "mixed", "opaque"])
+def test_wrong_counts_are_refused(surfaces: str, kernels_with: Callable[[str, str], None], tested: list[str]) -> None:
+    wanted = layers("face", surfaces)
+    clpeel.complexity(wanted.scene(), wanted.camera(), SIZE)
+    right = verdicts_of(open_device().device).good
+    assert any(part.startswith(f"counting: lanes 1, {surfaces} ") for part in right) and tested == []
+    kernels_with("column] = count | (opaque", "column] = (count + 1) | (opaque")
+    assert "(count + 1) |" in program.source("stages/counting.cl")
+    with pytest.raises(
+        DeviceError, match=f"got layers .* in place of .*, by counting: lanes 1, {surfaces}; projection"
+    ):
+        clpeel.complexity(wanted.scene(), wanted.camera(), SIZE)
+
+
 def test_torn_writes_are_not_tested(tested: list[str]) -> None:
     scene = clpeel.Scene.from_arrays([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [[0, 1, 2]], color=(0.2, 0.5, 0.9, 0.4))
     clpeel.render(scene, size=SIZE, technique="multi-layer-peeling", torn_writes=True)
