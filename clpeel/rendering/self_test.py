@@ -21,6 +21,7 @@ from clpeel.device.cache import key_of
 from clpeel.device.layout import DEPTH_FORMATS, TILE_PIXELS, Features
 from clpeel.device.program import lacks, source
 from clpeel.device.verdicts import Kind, Parts, Verdict, verdicts_of
+from clpeel.device.workspace import Workspace
 from clpeel.errors import DeviceError
 from clpeel.options import Options
 from clpeel.rendering.known_layers import (
@@ -125,7 +126,7 @@ def check(renderer: Renderer, request: Request, triangles: Triangles, tiles: int
     """
     if getattr(request.options, "torn_writes", False):
         return []  # they lose layers on purpose, so nobody knows the picture
-    test = _test_of(request, triangles, renderer.gpu.lanes)
+    test = _test_of(request, triangles, renderer.gpu)
     return _checked(renderer, test.parts, lambda: _tested(renderer, test, tiles))
 
 
@@ -189,7 +190,7 @@ def _checked(renderer: Renderer, parts: Parts, test: Callable[[], tuple[Verdict,
 # --- what is tested ---------------------------------------------------------------------------------------------------
 
 
-def _test_of(request: Request, triangles: Triangles, lanes: int) -> _Test:
+def _test_of(request: Request, triangles: Triangles, gpu: Workspace) -> _Test:
     """What to draw for this picture: the same features, technique and options."""
     scene = triangles.scene
     wanted = Wanted(
@@ -204,7 +205,7 @@ def _test_of(request: Request, triangles: Triangles, lanes: int) -> _Test:
     straight = request.picture.over is None
     given = {**own, **shared, "background": None if straight else BACKGROUND}
     return _Test(
-        parts=_parts(request, wanted, lanes, {**own, **shared, **({"background": None} if straight else {})}),
+        parts=_parts(request, wanted, gpu, {**own, **shared, **({"background": None} if straight else {})}),
         wanted=wanted,
         request=request,
         options=type(request.options)(**own),
@@ -227,13 +228,13 @@ def _settled(options: Options) -> Iterator[tuple[str, object]]:
         yield name, value
 
 
-def _parts(request: Request, wanted: Wanted, lanes: int, ways: dict[str, object]) -> Parts:
+def _parts(request: Request, wanted: Wanted, gpu: Workspace, ways: dict[str, object]) -> Parts:
     """The sets of kernels that the picture needs, as texts. Each ends with a digest of the kernels' sources.
 
     ways: the options that may change what the kernels do.
     """
     features, technique = wanted.features, request.technique
-    with_lanes = f"lanes {lanes}"
+    with_lanes = f"lanes {gpu.lanes}"
     words = [with_lanes, f"{features.color_rate} colours{'' if features.packed_color else ' as floats'}"]
     words += [features.surfaces, *(["lit"] if features.headlight else []), features.depth_format]
     name, path = technique.name, technique.kernel
@@ -242,8 +243,12 @@ def _parts(request: Request, wanted: Wanted, lanes: int, ways: dict[str, object]
         ways = {way: value for way, value in ways.items() if way in ("precision", "samples", "background")}
     words += [f"{way} {value}" for way, value in ways.items() if way not in IN_FEATURES]
     words += [wanted.view.partition(",")[0]] if technique.maps else []  # lengths depend on it
+    paths = [path]
+    if request.targets is not None and name == technique.name:
+        words.append(f"atomics of {64 if gpu.long_atomics else 32} bits")
+        paths.append("stages/stream.cl")
     parts = [
-        _part(name, words, path),
+        _part(name, words, *paths),
         _part("projection", [with_lanes, wanted.view], "stages/setup.cl"),
         *([_part("clipping", [with_lanes, wanted.view], "stages/clipping.cl")] if wanted.cut else []),
         *([_part("layers", words, "stages/find_layers.cl", "stages/windows.cl")] if request.picture.layers else []),

@@ -94,6 +94,13 @@ PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
     (layers("scene", packed=False), "weighted-sum", {"precision": "half", "samples": 16}),
     (layers("face", "mixed"), "weighted-sum", {"lighting": "headlight", "background": None}),
     (layers(), "layer-count", {"samples": 4}),
+    (layers("face", "mixed", packed=False, cut=True), "depth-peeling", {"execution": "passes"}),
+    (layers("vertex"), "dual-depth-peeling", {"execution": "passes", "coincident": "paper"}),
+    (layers("vertex", "mixed"), "multi-layer-peeling", {"execution": "passes", "layers_per_pass": 3}),
+    (layers(packed=False), "multi-layer-peeling", {"execution": "passes", "racing_writes": True}),
+    (layers("scene"), "glowscript", {"execution": "passes", "lighting": "headlight"}),
+    (layers(), "thickness", {"execution": "passes", "variant": "total"}),
+    (layers("face", "mixed", packed=False), "weighted-average", {"execution": "passes", "precision": "half"}),
     (layers(), "auto", {}),
 ]
 
