@@ -153,6 +153,13 @@ INLINE void count_up(VECTOR(uint) *counts, VECTOR(int) counted)
     UNROLL for (int k = 0; k < STRIP; ++k) ((uint *)counts)[k] += ((const int *)&counted)[k] != 0 ? 1 : 0;
 #endif
 }
+// WIDER: the same mask for vectors of longs, to choose by with `?:`. Mesa's rusticl takes a long that was converted from
+// an int for one that is not negative (docs/drivers.md). Whether it is zero, rusticl gets right.
+#if CPU_TARGET
+#define WIDER(mask) CONVERT(long, STRIP, mask)
+#else
+#define WIDER(mask) (CONVERT(long, STRIP, mask) != (VECTOR(long))(0))
+#endif
 
 INLINE uint largest(VECTOR(uint) values)
 {

@@ -90,7 +90,7 @@ INLINE void load_rows(global const ulong *fragments, VECTOR(uint) begin, uint st
     } else
         load_from_lists(fragments, begin + first, left, rows);
     UNROLL for (uint row = 0; row < ROWS; ++row)
-        rows[row] = CONVERT(long, STRIP, left > (VECTOR(uint))(row)) ? rows[row] : (VECTOR(ulong))(ABSENT);
+        rows[row] = WIDER(left > (VECTOR(uint))(row)) ? rows[row] : (VECTOR(ulong))(ABSENT);
 }
 
 // The colours of rows of fragments, one row of `fetched` for each. ABSENT fragments get alpha 0. `colors` has the

@@ -47,7 +47,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
             all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
             VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, screen.depth_scale)) << (VECTOR(ulong))(32);
             fragment |= (VECTOR(ulong))((ulong)t->source);
-            fragment = CONVERT(long, STRIP, covered) ? fragment : (VECTOR(ulong))(ABSENT);
+            fragment = WIDER(covered) ? fragment : (VECTOR(ulong))(ABSENT);
             z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
             END_VISITS
             list_begin = middle, list_end = end;

@@ -36,7 +36,7 @@ OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile
     VISITS((1u << TILE_BLOCKS) - 1)
     VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
     fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
-    fragment = CONVERT(long, STRIP, covered) ? fragment : (VECTOR(ulong))(ABSENT);
+    fragment = WIDER(covered) ? fragment : (VECTOR(ulong))(ABSENT);
     z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
     END_VISITS
     for (int own = 0; own < STRIPS_A_LANE; ++own) {
