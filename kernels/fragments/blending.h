@@ -58,6 +58,13 @@ INLINE void clear_buffer(Colors *buffer)
     buffer->red = buffer->green = buffer->blue = (VECTOR(float))(0.0f);
     buffer->alpha = (VECTOR(float))(FULL);
 }
+// The same as numbers. The fields are set one by one: of an initializer that is mostly zeros, clang makes a fill and a
+// store, and Mesa's rusticl loses the store (docs/drivers.md).
+INLINE void clear_layer(Colors *layer)
+{
+    layer->red = layer->green = layer->blue = (VECTOR(float))(0.0f);
+    layer->alpha = (VECTOR(float))(1.0f);
+}
 INLINE void clear_sums(Colors *buffer) { buffer->red = buffer->green = buffer->blue = buffer->alpha = (VECTOR(float))(0.0f); }
 
 // Stores a colour, 0..1, as a buffer keeps it.

@@ -64,7 +64,8 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
 #endif
     local uint taken, totals[PEEL_TOTALS];
     const float least_seen = BOUNDED ? parameters[0] : 0.0f;
-    const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
+    Colors clear;
+    clear_layer(&clear);
     for (;;) {
         if (LANE == 0) {
             taken = atomic_inc(next_tile);

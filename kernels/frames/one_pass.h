@@ -53,7 +53,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     // Where each pixel's list ends among those of the tile: inclusive prefix sums of the lengths, gaps included.
     local uint ends[TILE_PIXELS] __attribute__((aligned(64)));
     local uint taken, total, deepest, solid;
-    const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
+    Colors clear;
+    clear_layer(&clear);
     uint lane = LANE, held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
     size_t own_slab = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
     fragments += own_slab;
