@@ -53,6 +53,34 @@
 #define OUTLINE INLINE
 #endif
 
+// UNIFORM: a number that all lanes of a group have alike, such as their tile. A compiler cannot know this of a number from
+// local memory. AMD's keeps it, and all that is loaded with it, once for all lanes, in registers of their own.
+#if LANES > 1 && __has_builtin(__builtin_amdgcn_readfirstlane)
+#define UNIFORM(number) (uint)__builtin_amdgcn_readfirstlane((int)(number))
+#else
+#define UNIFORM(number) (number)
+#endif
+
+// KEPT_MEMORY: where what a lane knows of its strips is kept until its tile is done. A lane that works alone has it in private
+// memory. Several lanes use local memory, which has the strips of all of them, so that their registers are free for what
+// changes. Strip `own` of a lane is number own * LANES + lane in both.
+#if LANES == 1
+#define KEPT_MEMORY
+#define KEPT_STRIPS STRIPS_A_LANE
+#else
+#define KEPT_MEMORY local
+#define KEPT_STRIPS (TILE_PIXELS / STRIP)
+#endif
+
+// LANE_IN: the same as LANE, for a walk of tile after tile. Tile numbers are below 2^31, so it is LANE. But a compiler
+// does not know that. Else it would compute all that follows from the lane before the first tile, and keep it in
+// registers to the last.
+#if LANES == 1
+#define LANE_IN(tile) 0
+#else
+#define LANE_IN(tile) (LANE ^ (int)((tile) >> 31))
+#endif
+
 // Lists name records that lie far apart in memory. PREFETCH asks for one some places ahead, so that it arrives in time.
 // It pays where a lane works alone. A GPU turns to other lanes while one waits.
 #if LANES == 1 && CPU_TARGET && __has_builtin(__builtin_prefetch)
@@ -128,6 +156,39 @@ INLINE uint bits_between(int from, int to)
     from = MAX(from, 0), to = MIN(to, STRIP - 1);
     return from > to ? 0 : (2u << to) - (1u << from);
 }
+// --- elements of a vector -------------------------------------------------------------------------------------------
+// ELEMENT: element k of a strip's vector, where k is known only as the kernel runs. SET_ELEMENT changes one. A lane that
+// works alone addresses the vector's memory, which is its cache. A GPU has no such memory for what is in registers. So
+// there all elements are looked at, and k chooses. STRIP_LOOP stands before a loop over a strip's elements. On a GPU it
+// is unrolled, so that each k is a constant.
+#if LANES == 1
+#define STRIP_LOOP
+#define ELEMENT(type, vector, k) (((const type *)&(vector))[k])
+#define SET_ELEMENT(type, vector, k, value) (((type *)&(vector))[k] = (value))
+#else
+#define STRIP_LOOP UNROLL
+// Each element that is not wanted counts as 0. Of a choice between elements a compiler may make an address again.
+INLINE uint element_uint(VECTOR(uint) vector, uint k)
+{
+    uint found = 0;
+    UNROLL for (uint j = 0; j < STRIP; ++j) found |= j == k ? ((const uint *)&vector)[j] : 0u;
+    return found;
+}
+INLINE ulong element_ulong(VECTOR(ulong) vector, uint k)
+{
+    ulong found = 0;
+    UNROLL for (uint j = 0; j < STRIP; ++j) found |= j == k ? ((const ulong *)&vector)[j] : 0ul;
+    return found;
+}
+INLINE int element_int(VECTOR(int) vector, uint k) { return (int)element_uint(PASTE(as_, VECTOR(uint))(vector), k); }
+INLINE float element_float(VECTOR(float) vector, uint k)
+{
+    return as_float(element_uint(PASTE(as_, VECTOR(uint))(vector), k));
+}
+#define ELEMENT(type, vector, k) PASTE(element_, type)(vector, k)
+#define SET_ELEMENT(type, vector, k, value)                                                                     \
+    ((vector) = (VECTOR(int))((int)(k)) == (VECTOR(int))(IOTA) ? (VECTOR(type))(value) : (vector))
+#endif
 
 // SELECT: a where the mask's elements are -1, b where they are 0. A compiler does not know that a mask has only these
 // two values. Without instructions for masks of single bits it may make slow code of `?:`.
@@ -164,7 +225,7 @@ INLINE void count_up(VECTOR(uint) *counts, VECTOR(int) counted)
 INLINE uint largest(VECTOR(uint) values)
 {
     uint found = 0;
-    for (int k = 0; k < STRIP; ++k) found = MAX(found, ((const uint *)&values)[k]);
+    STRIP_LOOP for (int k = 0; k < STRIP; ++k) found = MAX(found, ((const uint *)&values)[k]);
     return found;
 }
 
@@ -190,7 +251,7 @@ INLINE void scatter(global ulong *to, VECTOR(uint) at, VECTOR(int) present, VECT
     __builtin_ia32_scattersiv8di((void *)(size_t)to, bits & 0xFF, as_int8(at.lo), as_long8(value.lo), sizeof(ulong));
     __builtin_ia32_scattersiv8di((void *)(size_t)to, bits >> 8, as_int8(at.hi), as_long8(value.hi), sizeof(ulong));
 #else
-    for (int k = 0; k < STRIP; ++k)
+    STRIP_LOOP for (int k = 0; k < STRIP; ++k)
         if (((const int *)&present)[k]) to[((const uint *)&at)[k]] = ((const ulong *)&value)[k];
 #endif
 }
@@ -207,7 +268,7 @@ INLINE VECTOR(uint) gather(global const uint *from, VECTOR(uint) at, VECTOR(int)
     found.lo = as_uint8(__builtin_ia32_gatherd_d256((int8)(0), base, as_int8(at.lo), present.lo, sizeof(uint)));
     found.hi = as_uint8(__builtin_ia32_gatherd_d256((int8)(0), base, as_int8(at.hi), present.hi, sizeof(uint)));
 #else
-    for (int k = 0; k < STRIP; ++k)
+    STRIP_LOOP for (int k = 0; k < STRIP; ++k)
         if (((const int *)&present)[k]) ((uint *)&found)[k] = from[((const uint *)&at)[k]];
 #endif
     return found;

@@ -62,7 +62,7 @@ INLINE void store_values(local const Found *found, uint tile, int columns, int s
 {
     uint bits = TILE_BITS - side_bits, side = 1u << side_bits;
     uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
-    for (uint p = LANE; p < 1u << 2 * bits; p += LANES) {
+    for (uint p = LANE_IN(tile); p < 1u << 2 * bits; p += LANES) {
         uint column = p & ((1u << bits) - 1), row = p >> bits;
         if (left + column >= (uint)width || top + row >= (uint)height) continue;
         size_t at = (size_t)(top + row) * width + left + column;
@@ -94,14 +94,14 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
     uint bits = TILE_BITS - side_bits, side = 1u << side_bits, clamped = 0;
     uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
     bool whole = side == 1 && left + TILE <= (uint)width && top + TILE <= (uint)height;
-    for (uint q = LANE * STRIP; q < 1u << 2 * bits; q += LANES * STRIP) {
+    for (uint q = LANE_IN(tile) * STRIP; q < 1u << 2 * bits; q += LANES * STRIP) {
         // A strip of the picture's pixels: those of a block where pixels are samples, else those of the tile row by
         // row.
         Colors pixel = layer[q / STRIP];
         PLAIN_LOOP for (uint k = 0; side > 1 && k < STRIP; ++k) {
             float4 mean = mean_of(layer, (q + k) & ((1u << bits) - 1), ((q + k) >> bits) & ((1u << bits) - 1), side);
-            ((float *)&pixel.red)[k] = mean.x, ((float *)&pixel.green)[k] = mean.y;
-            ((float *)&pixel.blue)[k] = mean.z, ((float *)&pixel.alpha)[k] = mean.w;
+            SET_ELEMENT(float, pixel.red, k, mean.x), SET_ELEMENT(float, pixel.green, k, mean.y);
+            SET_ELEMENT(float, pixel.blue, k, mean.z), SET_ELEMENT(float, pixel.alpha, k, mean.w);
         }
         VECTOR(float) alpha = 1.0f - pixel.alpha;
         Colors shown = {pixel.red + pixel.alpha * red, pixel.green + pixel.alpha * green, pixel.blue + pixel.alpha * blue,
@@ -141,11 +141,11 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
             x += left, y += top;
             if (p >= 1u << 2 * bits || x >= (uint)width || y >= (uint)height) continue;
             size_t at = (size_t)y * width + x;
-            image[at] = ((const uint *)&bytes)[k];
+            image[at] = ELEMENT(uint, bytes, k);
             if (color)
-                color[at] = (float4)(((const float *)&pixel.red)[k], ((const float *)&pixel.green)[k],
-                                     ((const float *)&pixel.blue)[k], ((const float *)&alpha)[k]);
-            clamped += ((const int *)&below)[k] != 0;
+                color[at] = (float4)(ELEMENT(float, pixel.red, k), ELEMENT(float, pixel.green, k),
+                                     ELEMENT(float, pixel.blue, k), ELEMENT(float, alpha, k));
+            clamped += ELEMENT(int, below, k) != 0;
         }
     }
     return clamped;

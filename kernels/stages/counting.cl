@@ -28,7 +28,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
             for (int k = 0; k < COUNT_TOTALS; ++k) totals[k] = 0;
         }
         BARRIER;
-        uint number = taken;
+        uint number = UNIFORM(taken);
         if (number >= to_tile) break;
         uint tile = chosen ? chosen[number] : number;
         ENTER_TILE
@@ -65,7 +65,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
         }
         uint fragments = 0, deepest = 0, solid = 0, all_fragments = 0, all_deepest = 0;
         for (int own = 0; own < STRIPS_A_LANE; ++own)
-            for (int k = 0; k < STRIP; ++k) {
+            STRIP_LOOP for (int k = 0; k < STRIP; ++k) {
                 int pixel = (own * LANES + lane) * STRIP + k, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
                 int column = tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK;
                 int row = tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK;

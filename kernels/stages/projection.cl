@@ -158,6 +158,14 @@ kernel void list_triangles(global const uchar *states, uint face_count, uint chu
 {
     uint chunk = get_global_id(0), first = chunk * chunk_faces, last = MIN(first + chunk_faces, face_count);
     uint2 next = chunk_starts[chunk];
+#if LANES > 1
+    for (uint face = first; face < last; ++face) {
+        uint state = states[face];
+        if (state != (DRAWN | kind) && state != (CLIPPED | kind)) continue;
+        if (state == (CLIPPED | kind)) clipped[next.y++] = next.x;
+        listed[next.x++] = face;
+    }
+#else
     for (uint from = first; from < last; from += LIST_RUN) {
         // Every face is written, and the next one overwrites it if it is not wanted. So there is no branch to
         // mispredict.
@@ -172,6 +180,7 @@ kernel void list_triangles(global const uchar *states, uint face_count, uint chu
         }
         next.x += count;
     }
+#endif
 }
 
 // --- records --------------------------------------------------------------------------------------------------------

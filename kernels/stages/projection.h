@@ -184,6 +184,13 @@ OUTLINE void make_triangles(const Corner *given, Uints source, Uints flags, int 
     store_records(triangles + record, field);
 }
 
+// SHARE_OF: the share of vertex j at the given corner `place`. Registers have no places, so without vectors it is chosen.
+#if WIDE == 1
+#define SHARE_OF(place, j) ((place) == 0 ? share[0][j] : (place) == 1 ? share[1][j] : share[2][j])
+#else
+#define SHARE_OF(place, j) FLOAT_OF(share[place][j])
+#endif
+
 // weights[9 record + 3 k + j]: the weight of the face's vertex j at corner k of the record. In perspective it
 // is divided by w, so that interpolation is perspective-correct. share[i][j]: the same at the given corner i.
 OUTLINE void store_weights(global float *weights, uint record, const Arrangement *arrangement, const Floats share[3][3])
@@ -193,7 +200,7 @@ OUTLINE void store_weights(global float *weights, uint record, const Arrangement
             for (int j = 0; j < 3; ++j) {
                 float sum = 0.0f;
                 for (int i = 0; i < 3; ++i)
-                    sum += FLOAT_OF(arrangement->moved[corner][i]) * FLOAT_OF(share[INT_OF(arrangement->order[i])][j]);
+                    sum += FLOAT_OF(arrangement->moved[corner][i]) * SHARE_OF(INT_OF(arrangement->order[i]), j);
                 weights[9 * (record + k) + 3 * corner + j] = sum;
             }
 }

@@ -69,7 +69,7 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
     const Layout lists = {1, capacity, 0};
     VECTOR(uint) next[STRIPS_A_LANE];
     for (int own = 0; own < STRIPS_A_LANE; ++own)
-        for (int k = 0; k < STRIP; ++k) {
+        STRIP_LOOP for (int k = 0; k < STRIP; ++k) {
             int p = (own * LANES + LANE) * STRIP + k;
             ((uint *)(next + own))[k] = (p ? pixel_end[tile * TILE_PIXELS + p - 1] : 0) + tile_start[tile] - window_start;
         }

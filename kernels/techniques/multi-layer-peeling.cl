@@ -75,7 +75,16 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *frag
     return behind;
 }
 
-INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot[i].payload; }
+INLINE VECTOR(int) peeled(const Buffers *b, int i)
+{
+#if LANES == 1
+    return b->slot[i].payload;
+#else
+    VECTOR(int) payload = b->slot[0].payload;  // registers have no places, so i chooses
+    UNROLL for (int k = 1; k < LAYERS_A_PASS; ++k) payload = i == k ? b->slot[k].payload : payload;
+    return payload;
+#endif
+}
 
 // Nothing passes any more where the last slot is empty, or where too little behind it could be seen.
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
