@@ -9,7 +9,14 @@
 #include "fragments/blending.h"
 
 #define ABSENT (~0ul)  // a place without a fragment; as an integer it is behind every fragment
+
+// How many rows of fragments are in registers at once. A lane that works alone has vectors for eight. Several lanes wait
+// for memory in turns, and the fewer registers each takes, the more of them there can be.
+#if LANES == 1
 #define ROWS 8
+#else
+#define ROWS 1
+#endif
 
 // A colour of the palette, straight, 0..1.
 INLINE float4 palette_color(global const void *palette, uint index)
@@ -33,7 +40,7 @@ INLINE float4 fragment_color(global const void *colors, uint payload)
 // Eight fragments, anywhere in memory: vectors usually begin at multiples of their own size.
 typedef ulong8 Octet __attribute__((aligned(8)));
 
-#if STRIP == 16
+#if STRIP == 16 && ROWS == 8
 // Loads eight fragments of each pixel, and turns lists into rows: a transposition of 8 x 8 in three steps, by halves,
 // pairs and single ones. Up to seven fragments beyond a list are read, and ignored later. Buffers have room for that
 // (FRAGMENT_PADDING). Pixels without fragments read the first ones there are.
@@ -68,7 +75,7 @@ INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, V
 #else
 INLINE void load_from_lists(global const ulong *fragments, VECTOR(uint) begin, VECTOR(uint) count, VECTOR(ulong) *rows)
 {
-    for (uint k = 0; k < STRIP * ROWS; ++k) {
+    STRIP_LOOP for (uint k = 0; k < STRIP * ROWS; ++k) {
         uint pixel = k % STRIP, row = k / STRIP;
         if (row < ((const uint *)&count)[pixel]) ((ulong *)rows)[k] = fragments[((const uint *)&begin)[pixel] + row];
     }
@@ -110,7 +117,11 @@ INLINE void fetch_colors(const VECTOR(ulong) *fragments, uint row_count, global 
         fetched[row].alpha = UNIT_OF(CONVERT(float, STRIP, word >> (VECTOR(uint))(24)));
     }
 #else
+#if LANES == 1
     for (uint k = 0; k < row_count * STRIP; ++k) {
+#else
+    UNROLL for (uint k = 0; k < STRIP; ++k) {  // one row
+#endif
         uint payload = (uint)((const ulong *)fragments)[k];
         float4 color = (float4)(0.0f);
         if (payload != (uint)ABSENT)

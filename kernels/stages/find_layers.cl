@@ -56,7 +56,7 @@ kernel void peel_layers(global ulong *fragments, global ulong *spare, global flo
     uint begin = tile_start[tile] - window_start + before;
 
     global ulong *list = fragments + begin, *sorted = list;
-    if (count > INSERTED_MAX) sorted = sort_digits(list, spare + begin, count);
+    if (count > INSERTED_MAX) sorted = sort_list(list, spare + begin, count);
     else sort_inserting(list, count);
 
     uint found = 0, solid = 0;

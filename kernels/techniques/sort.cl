@@ -9,7 +9,7 @@
 INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
 {
     bool seen = false;
-    for (int k = 0; k < STRIP; ++k) seen |= ((const float *)&transmittance)[k] > least_seen;
+    STRIP_LOOP for (int k = 0; k < STRIP; ++k) seen |= ((const float *)&transmittance)[k] > least_seen;
     return seen;
 }
 
@@ -28,9 +28,9 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
 #endif
     Colors color;
     clear_buffer(&color);
-    uint deepest = sort_deep(fragments, scratch, begin, count);
-    for (uint first = 0; first < deepest; first += RUN_MAX) {
-        VECTOR(ulong) all[RUN_MAX];
+    uint deepest = sort_deep(fragments, scratch, begin, step, count);
+    for (uint first = 0; first < deepest && (RUN > 1 || is_seen(read_channel(color.alpha), least_seen)); first += RUN) {
+        VECTOR(ulong) all[RUN];
         uint row_count = load_sorted(fragments, begin, step, count, first, deepest, all);
         for (uint row = 0; row < row_count && is_seen(read_channel(color.alpha), least_seen); row += ROWS) {
             Colors source[ROWS];

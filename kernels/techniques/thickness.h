@@ -89,10 +89,12 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
                           Colors *found)
 {
     VECTOR(int) winding = (VECTOR(int))(0);
-    VECTOR(float) length = (VECTOR(float))(0.0f), before = (VECTOR(float))(1.0f);
+    VECTOR(float) length = (VECTOR(float))(0.0f);
     Colors foremost;
-    uint deepest = sort_deep(fragments, scratch, begin, count);
+    uint deepest = sort_deep(fragments, scratch, begin, step, count);
     if (deepest == 0) return;
+#if LANES == 1
+    VECTOR(float) before = (VECTOR(float))(1.0f);
     for (uint first = 0; first < deepest; first += RUN_MAX) {
         VECTOR(ulong) all[RUN_MAX];
         load_sorted(fragments, begin, step, count, first, deepest, all);
@@ -110,6 +112,25 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
             before = present ? depth : before;
         }
     }
+#else
+    // Pixel by pixel, which takes fewer registers. Element 0 stands for the pixel.
+    PLAIN_LOOP for (int k = 0; k < STRIP; ++k) {
+        global const ulong *fragment = fragments + ELEMENT(uint, begin, k);
+        int within = 0;
+        float sum = 0.0f, before = 1.0f;
+        PLAIN_LOOP for (uint left = ELEMENT(uint, count, k); left > 0; --left, fragment += step) {
+            float depth = depth_of((VECTOR(uint))((uint)(*fragment >> 32)), parameters[1]).s0;
+            if (within != 0) sum += length_between((VECTOR(float))(before), (VECTOR(float))(depth)).s0;
+            within += *fragment & 1 ? -1 : 1;
+            before = depth;
+        }
+        SET_ELEMENT(int, winding, k, within), SET_ELEMENT(float, length, k, sum);
+    }
+    VECTOR(ulong) bare;
+    load_rows(fragments, begin, step, count, 0, &bare);
+    bare = without_facing(bare);
+    fetch_colors(&bare, 1, colors, &foremost);
+#endif
     measure(count > (VECTOR(uint))(0), length, winding != (VECTOR(int))(0), &foremost, parameters, resolved, found);
 }
 
