@@ -63,6 +63,10 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
     local Found found[TILE_PIXELS / STRIP];
 #endif
     local uint taken, totals[PEEL_TOTALS];
+#if LANES > 1
+    local VECTOR(ulong) z_far[KEPT_STRIPS];
+    local Colors *behind = layer;
+#endif
     const float least_seen = BOUNDED ? parameters[0] : 0.0f;
     Colors clear;
     clear_layer(&clear);
@@ -72,12 +76,14 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             for (int k = 0; k < PEEL_TOTALS; ++k) totals[k] = 0;
         }
         BARRIER;
-        uint tile = taken;
+        uint tile = UNIFORM(taken);
         if (tile >= to_tile) break;
         ulong entered = TICKS();
         ENTER_TILE
-        VECTOR(ulong) z_far[STRIPS_A_LANE];
-        Colors behind[STRIPS_A_LANE];
+#if LANES == 1
+        VECTOR(ulong) z_far[KEPT_STRIPS];
+        Colors behind[KEPT_STRIPS];
+#endif
         uint solid = 0;
         if (MIXED) {
             list_begin = transparent_from(triangles, pairs, list_begin, list_end);
@@ -103,7 +109,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                 // Skips what lies behind the opaque surface. With BY_DEPTH it also skips what lies exactly on it.
                 VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
                 submitted |= (VECTOR(ulong))((ulong)(BY_DEPTH ? 0xFFFFFFFFu : t->source));
-                covered &= CONVERT(int, STRIP, submitted < z_far[OWN(block)]);
+                covered &= CONVERT(int, STRIP, submitted < z_far[OWN(block) * LANES + lane]);
             }
             // The key as a signed number (fragments/comparing.h).
             Row arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
@@ -155,7 +161,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         // --- merging the buffers, and totals ------------------------------------------------------------------------
         Ends ends = {0, 0, 0};
         for (int own = 0; own < STRIPS_A_LANE; ++own) {
-            Colors merged = MIXED ? behind[own] : clear;
+            Colors merged = MIXED ? behind[own * LANES + lane] : clear;
 #if VALUES
             Found measured;
             merge_strip(buffers + own, more[own] | stopped[own], layers[own], &merged, &ends, parameters, &measured);

@@ -53,22 +53,29 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     // Where each pixel's list ends among those of the tile: inclusive prefix sums of the lengths, gaps included.
     local uint ends[TILE_PIXELS] __attribute__((aligned(64)));
     local uint taken, total, deepest, solid;
+#if LANES > 1
+    local VECTOR(ulong) z_far[KEPT_STRIPS];
+    local Colors *behind = layer;  // what is resolved is put over it
+#endif
     Colors clear;
     clear_layer(&clear);
-    uint lane = LANE, held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
+    uint held = MIN(rows, (uint)RUN_MAX) / ROWS * ROWS;
     size_t own_slab = (size_t)get_group_id(0) * (slab + FRAGMENT_PADDING);
     fragments += own_slab;
     if (scratch) scratch += own_slab;
     if (FRAGMENT_COLOR) colors += own_slab;
     for (;;) {
-        if (lane == 0) taken = atomic_inc(next_tile), total = deepest = solid = 0;
+        if (LANE == 0) taken = atomic_inc(next_tile), total = deepest = solid = 0;
         BARRIER;
-        uint tile = taken;
+        uint tile = UNIFORM(taken);
         if (tile >= to_tile) break;
+        uint lane = LANE_IN(tile);
         bool wanted = layers_before == 0 || tile_totals[tile].y > layers_before;
         uint begin = pair_start[tile], end = pair_start[tile + 1];
-        VECTOR(ulong) z_far[STRIPS_A_LANE];
-        Colors behind[STRIPS_A_LANE];
+#if LANES == 1
+        VECTOR(ulong) z_far[KEPT_STRIPS];
+        Colors behind[KEPT_STRIPS];
+#endif
         if (MIXED && wanted) {
             begin = transparent_from(triangles, pairs, begin, end);
             uint samples = draw_opaque(batch, shading, tile, begin, z_far, behind);
@@ -77,7 +84,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         bool empty = begin == end;
         if (empty)
             for (uint own = 0; own < STRIPS_A_LANE; ++own) {
-                layer[own * LANES + lane] = clear;
+                if (LANES == 1 || !MIXED) layer[own * LANES + lane] = clear;
 #if VALUES
                 found[own * LANES + lane] = nothing;
 #endif
@@ -101,7 +108,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 PLAIN_LOOP for (uint own = 0; own < STRIPS_A_LANE; ++own)
                     PLAIN_LOOP for (uint k = 0; k < STRIP; ++k) {
                         uint p = (own * LANES + lane) * STRIP + k, begin = p ? ends[p - 1] : 0;
-                        ((uint *)(next + own))[k] = ends[p] != begin ? begin - start : slab;
+                        SET_ELEMENT(uint, next[own], k, ends[p] != begin ? begin - start : slab);
                     }
             }
             emit_tile(batch, shading, tile, begin, blocks, z_far, &layout, next, fragments, colors, 0);
@@ -113,7 +120,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 VECTOR(int) here = (VECTOR(int))(-1);
                 if (lists) {
                     VECTOR(uint) end = *(local const VECTOR(uint) *)(ends + p);
-                    PLAIN_LOOP for (int k = 0; k < STRIP; ++k) ((uint *)&begin)[k] = p + k ? ends[p + k - 1] : 0;
+                    PLAIN_LOOP for (int k = 0; k < STRIP; ++k)
+                        SET_ELEMENT(uint, begin, k, p + k ? ends[p + k - 1] : 0);
                     here = pixel >= (VECTOR(uint))(first) && pixel <= (VECTOR(uint))(last) && end != begin;
                     count = here ? end - begin - LIST_GAP : (VECTOR(uint))(0);
                     begin -= start;
@@ -121,7 +129,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                     begin = (VECTOR(uint))(strip * layout.strip_room) + (VECTOR(uint))(IOTA);
                     count = next[own] / (VECTOR(uint))(STRIP);
                     uint layers = largest(count);
-                    for (int k = 0; k < STRIP; ++k) sum += ((const uint *)&count)[k];
+                    STRIP_LOOP for (int k = 0; k < STRIP; ++k) sum += ((const uint *)&count)[k];
                     most = MAX(most, layers);
                     VECTOR(int) listed = count > (VECTOR(uint))(0) && (VECTOR(int))(layers > held ? -1 : 0);
                     // A strip with too many layers is left to the lists: the lengths of its lists are noted here, and
@@ -142,6 +150,10 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
 #else
                 resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved);
 #endif
+#if LANES > 1 && MIXED
+                Colors under = behind[strip];
+                put_over(&resolved, &under);
+#endif
                 put_where(here, &resolved, layer + strip);
             }
             first = last + 1;
@@ -157,11 +169,13 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                 BARRIER;
             }
         }
+#if LANES == 1
         for (uint own = 0; MIXED && wanted && own < STRIPS_A_LANE; ++own) {
-            Colors over = layer[own * LANES + lane];
+            Colors over = layer[own];
             put_over(&over, behind + own);
-            layer[own * LANES + lane] = over;
+            layer[own] = over;
         }
+#endif
         BARRIER;
         if (empty && lane == 0) tile_totals[tile] = (uint4)(0, 0, solid, 0);
         if (wanted && deepest + LIST_GAP <= slab) {

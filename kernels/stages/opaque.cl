@@ -15,16 +15,23 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     const Shading colored = {faces, palette, weights, normals}, *shading = &colored;
     local Colors layer[TILE_PIXELS / STRIP];
     local uint taken, solid;
+#if LANES > 1
+    local VECTOR(ulong) z_far[KEPT_STRIPS];
+#endif
     for (;;) {
         if (LANE == 0) taken = atomic_inc(next_tile), solid = 0;
         BARRIER;
-        uint tile = taken;
+        uint tile = UNIFORM(taken);
         if (tile >= to_tile) break;
-        VECTOR(ulong) z_far[STRIPS_A_LANE];
-        Colors behind[STRIPS_A_LANE];
+#if LANES == 1
+        VECTOR(ulong) z_far[KEPT_STRIPS];
+        Colors behind[KEPT_STRIPS];
         uint samples = draw_opaque(batch, shading, tile, pair_start[tile + 1], z_far, behind);
+        for (int own = 0; own < STRIPS_A_LANE; ++own) layer[own] = behind[own];
+#else
+        uint samples = draw_opaque(batch, shading, tile, pair_start[tile + 1], z_far, layer);
+#endif
         atomic_add(&solid, samples);
-        for (int own = 0; own < STRIPS_A_LANE; ++own) layer[own * LANES + LANE] = behind[own];
         BARRIER;
         if (LANE == 0) tile_samples[tile] = solid;
         composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,

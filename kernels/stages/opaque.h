@@ -24,36 +24,50 @@ INLINE uint transparent_from(global const Triangle *triangles, global const uint
 
 // Draws the tile's opaque records, which are those of its list before `until`, for each of the lane's strips. Pixels
 // with one get it as z_far, and its colour and transmittance 0 as `behind`. Others get ABSENT, colour 0 and
-// transmittance 1. Returns how many samples have an opaque surface.
-OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile, uint until, VECTOR(ulong) *z_far,
-                         Colors *behind)
+// transmittance 1. Returns how many samples have an opaque surface. z_far, behind: KEPT_STRIPS of each (base/common.h).
+OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile, uint until,
+                         KEPT_MEMORY VECTOR(ulong) *z_far, KEPT_MEMORY Colors *behind)
 {
     const Batch own_batch = *records, *batch = &own_batch;  // a copy that nothing else can change
     ENTER_TILE
     list_end = until;
     uint samples = 0;
-    for (int own = 0; own < STRIPS_A_LANE; ++own) z_far[own] = (VECTOR(ulong))(ABSENT);
+#if LANES == 1
+    VECTOR(ulong) *nearest = z_far;
+#else
+    VECTOR(ulong) nearest[STRIPS_A_LANE];  // copied below: registers are faster than local memory
+#endif
+    for (int own = 0; own < STRIPS_A_LANE; ++own) nearest[own] = (VECTOR(ulong))(ABSENT);
     VISITS((1u << TILE_BLOCKS) - 1)
     VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
     fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
     fragment = WIDER(covered) ? fragment : (VECTOR(ulong))(ABSENT);
-    z_far[OWN(block)] = MIN(z_far[OWN(block)], fragment);
+    nearest[OWN(block)] = MIN(nearest[OWN(block)], fragment);
     END_VISITS
     for (int own = 0; own < STRIPS_A_LANE; ++own) {
-        VECTOR(int) found = CONVERT(int, STRIP, z_far[own] != (VECTOR(ulong))(ABSENT));
+        VECTOR(int) found = CONVERT(int, STRIP, nearest[own] != (VECTOR(ulong))(ABSENT));
         samples += POPCOUNT(BITS_OF(found));
-        behind[own].red = behind[own].green = behind[own].blue = (VECTOR(float))(0.0f);
+#if LANES == 1
+        Colors *color = behind + own;
+#else
+        Colors there, *color = &there;
+#endif
+        color->red = color->green = color->blue = (VECTOR(float))(0.0f);
         if (BITS_OF(found))
-            colors_of(CONVERT(uint, STRIP, z_far[own]), own * LANES + lane, tile_x, tile_y, batch, shading,
-                      behind + own);
-        store_color(behind + own, behind + own);
-        read_color(behind + own, behind + own);
-        behind[own].alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
-        for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)  // the payload: from a record's place to its submission index
+            colors_of(CONVERT(uint, STRIP, nearest[own]), own * LANES + lane, tile_x, tile_y, batch, shading, color);
+        store_color(color, color);
+        read_color(color, color);
+        color->alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
+        // The payload: from a record's place to its submission index.
+        STRIP_LOOP for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)
             if (((const int *)&found)[k]) {
-                ulong *nearest = (ulong *)(z_far + own) + k;
-                *nearest = *nearest >> 32 << 32 | batch->triangles[batch->pairs[(uint)*nearest]].source;
+                ulong *first = (ulong *)(nearest + own) + k;
+                *first = *first >> 32 << 32 | batch->triangles[batch->pairs[(uint)*first]].source;
             }
+#if LANES > 1
+        z_far[own * LANES + lane] = nearest[own];
+        behind[own * LANES + lane] = there;
+#endif
     }
     return samples;
 }

@@ -36,14 +36,17 @@
 
 // --- strips and lanes -----------------------------------------------------------------------------------------------
 // LANE_BLOCKS: the blocks that have strips of this lane, a bit each. OWN: the number of such a block among the lane's
-// own. FIRST_PIXEL: the first pixel of the block, 0 .. 15, that belongs to this lane.
+// own. FIRST_BLOCK: the block that the lane's walk begins at. FIRST_PIXEL: the first pixel of a block, 0 .. 15, that
+// belongs to this lane.
 #if LANES <= TILE_BLOCKS
 #define LANE_BLOCKS (((1u << TILE_BLOCKS) - 1) / ((1u << LANES) - 1) << lane)
 #define OWN(block) ((block) / LANES)
+#define FIRST_BLOCK 0
 #define FIRST_PIXEL 0
 #else
-#define LANE_BLOCKS (1u << lane * STRIP / BLOCK_PIXELS)
+#define LANE_BLOCKS (1u << FIRST_BLOCK)
 #define OWN(block) 0
+#define FIRST_BLOCK (lane * STRIP / BLOCK_PIXELS)
 #define FIRST_PIXEL (lane * STRIP % BLOCK_PIXELS)
 #endif
 
@@ -65,7 +68,9 @@
 // For records below SMALL_EXTENT, F fits 32 bits everywhere in the tile. Larger records take 64 bits, with the same
 // integers F and so the same weights.
 //
-// WIDE records are prepared at a time (Walks). Then they are visited one by one (Walk).
+// Where lanes have several strips, WIDE records are prepared at a time (Walks). Then they are visited one by one (Walk).
+// Where each lane has one strip, nothing is prepared, as all of it would have to be kept in registers.
+#if LANES <= TILE_BLOCKS
 typedef struct {
     Longs first[3];  // F of each edge at the lane's first sample of the tile's first block
     Ints dx[3], dy[3];  // for each pixel further down F grows by dx; for each pixel further right it falls by dy
@@ -173,6 +178,41 @@ INLINE VECTOR(int) cover(const Walk *w, int block, VECTOR(float) weight[3])
     }
     return covered;
 }
+#else
+// Whether the bounds of a record reach a block, which has its first pixel at this column and row of the picture.
+INLINE bool reaches(global const Triangle *t, int column, int row)
+{
+    int left = (int)(t->left_right & 0xFFFF), right = (int)(t->left_right >> 16);
+    int top = (int)(t->top_bottom & 0xFFFF), bottom = (int)(t->top_bottom >> 16);
+    return left < column + BLOCK && right >= column && top < row + BLOCK && bottom >= row;
+}
+
+// Which pixels of the lane's strip are covered: -1, or 0 where not. weight: the barycentric weights there, times twice
+// the area in square subpixels. x, y: the strip's first sample.
+INLINE VECTOR(int) cover(global const Triangle *t, int x, int y, VECTOR(float) weight[3])
+{
+    VECTOR(int) covered = (VECTOR(int))(-1);
+    UNROLL for (int k = 0; k < 3; ++k) {
+        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
+        int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> SUBPIXEL_BITS;
+        float rest = (float)(((int)e & (SUBPIXELS - 1)) + least);
+        VECTOR(int) step = dx * STRIP_ROWS - dy * STRIP_COLUMNS;
+        if (t->flags & SMALL) {
+            VECTOR(int) f = (VECTOR(int))((int)first) + step;
+            covered &= f >= (VECTOR(int))(0);
+            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + rest;
+        } else {
+            PLAIN_LOOP for (int i = 0; i < STRIP; ++i) {  // rare, and 64 bits side by side take many registers
+                long f = first + ELEMENT(int, step, i);
+                if (f < 0) SET_ELEMENT(int, covered, i, 0);
+                SET_ELEMENT(float, weight[k], i, (float)f * (float)SUBPIXELS + rest);
+            }
+        }
+    }
+    return covered;
+}
+#endif
 
 // Which pixels of a strip are in the image: -1, or 0 where not. A tile at the right or lower border may reach beyond
 // the image, and so may a triangle. columns_left, rows_left: pixels from the tile's first pixel to the border.
@@ -200,15 +240,18 @@ typedef struct {
 #define VIEW(batch) ((float3)((batch)->screen.view[0], (batch)->screen.view[1], (batch)->screen.view[2]))
 
 // What every walk begins with. batch: a pointer to its records. tile: its number in the batch. It sets list_begin and list_end, the places in `pairs` to
-// visit; tile_x and tile_y, the tile's first pixel; x and y, the lane's first sample in subpixels from the image's
-// centre; and `beyond`, whether the tile reaches beyond the image.
+// visit; tile_x and tile_y, the tile's first pixel; first_x and first_y, those of FIRST_BLOCK in the tile; x and y, the
+// lane's first sample in it, in subpixels from the image's centre; and `beyond`, whether the tile reaches beyond the
+// image.
 #define ENTER_TILE                                                                                              \
-    int lane = LANE, width = batch->screen.width, height = batch->screen.height;                                \
+    int lane = LANE_IN(tile), width = batch->screen.width, height = batch->screen.height;                                \
     uint list_begin = batch->pair_start[tile], list_end = batch->pair_start[tile + 1];                          \
     uint tile_number = batch->screen.first_tile + tile;                                                         \
     int tile_x = (int)(tile_number % batch->screen.columns) * TILE;                                             \
     int tile_y = (int)(tile_number / batch->screen.columns) * TILE;                                             \
-    int x = SAMPLE_AT(tile_x + FIRST_PIXEL % BLOCK, width), y = SAMPLE_AT(tile_y + FIRST_PIXEL / BLOCK, height); \
+    int first_x = FIRST_BLOCK % BLOCKS_A_ROW * BLOCK, first_y = FIRST_BLOCK / BLOCKS_A_ROW * BLOCK;              \
+    int x = SAMPLE_AT(tile_x + first_x + FIRST_PIXEL % BLOCK, width);                                           \
+    int y = SAMPLE_AT(tile_y + first_y + FIRST_PIXEL / BLOCK, height);                                          \
     bool beyond = tile_x + TILE > width || tile_y + TILE > height;
 
 // Visits the `wanted` blocks (a bit each) that a record of the tile may cover, record by record in submission order.
@@ -218,6 +261,7 @@ typedef struct {
 //   block      the block's number, 0 .. 15
 //   covered    which pixels of the lane's strip of this block the record covers: -1, or 0 where not
 //   weight     their barycentric weights, times twice the area
+#if LANES <= TILE_BLOCKS
 #define VISITS(wanted)                                                                                          \
     for (uint at = list_begin; at < list_end; at += WIDE) {                                                     \
         Walks walks;                                                                                            \
@@ -237,6 +281,17 @@ typedef struct {
             }                                                                                                   \
         }                                                                                                       \
     }
+#else
+#define VISITS(wanted)                                                                                          \
+    for (uint place = list_begin; place < list_end; ++place) {                                                  \
+        global const Triangle *t = batch->triangles + batch->pairs[place];                                      \
+        if (!(LANE_BLOCKS & (wanted)) || !reaches(t, tile_x + first_x, tile_y + first_y)) continue;             \
+        const int block = FIRST_BLOCK;                                                                          \
+        VECTOR(float) weight[3];                                                                                \
+        VECTOR(int) covered = cover(t, x, y, weight);                                                           \
+        if (beyond) covered &= in_image(block, lane, width - tile_x, height - tile_y);
+#define END_VISITS }
+#endif
 
 // The depth keys of a strip's pixels. The depth is that of the record's plane, clamped to the depths of the exact
 // triangle.
@@ -263,11 +318,15 @@ typedef struct {
 #if LANES == 1
 #define SHADED 8
 typedef float8 Reals;
+#define SAMPLES_OF(vector, first) (((const Reals *)&(vector))[(first) / SHADED])
+#define LOWEST_SHADED(bits) LOWEST_BIT(bits)
 #define SHADED_COLUMNS (int8)(0, 1, 2, 3, 0, 1, 2, 3)
 #define SHADED_ROWS (int8)(0, 0, 0, 0, 1, 1, 1, 1)
 #else
 #define SHADED 1
 typedef float Reals;
+#define SAMPLES_OF(vector, first) ELEMENT(float, vector, first)
+#define LOWEST_SHADED(bits) 0
 #endif
 #define SHADED_BITS ((1u << SHADED) - 1)
 typedef struct { Reals red, green, blue, alpha; } Shades;
@@ -318,7 +377,19 @@ INLINE void shade(const Reals weight[3], uint record, uint source, const Shading
     Reals scale = 1.0f / (a + b + c);
     a *= scale, b *= scale, c *= scale;
     uint3 face = load_face(shading->faces, source);
-#if COLOR_RATE_VERTEX
+#if SHADED == 1 && (COLOR_RATE_VERTEX || HEADLIGHT)
+    // Corner by corner, which takes fewer registers.
+    float4 color = (float4)(0.0f);
+    float3 normal = (float3)(0.0f);
+    PLAIN_LOOP for (int j = 0; j < 3; ++j) {
+        uint vertex = j == 0 ? face.x : j == 1 ? face.y : face.z;
+        float share = j == 0 ? a : j == 1 ? b : c;
+        if (COLOR_RATE_VERTEX) color += share * palette_color(shading->palette, vertex);
+        if (HEADLIGHT) normal += share * load3(shading->normals, vertex);
+    }
+    if (!COLOR_RATE_VERTEX) color = palette_color(shading->palette, COLOR_RATE_FACE ? source : 0);
+    shades->red = color.x, shades->green = color.y, shades->blue = color.z, shades->alpha = color.w;
+#elif COLOR_RATE_VERTEX
     float4 p = palette_color(shading->palette, face.x), q = palette_color(shading->palette, face.y), r = palette_color(shading->palette, face.z);
     shades->red = a * p.x + b * q.x + c * r.x, shades->green = a * p.y + b * q.y + c * r.y;
     shades->blue = a * p.z + b * q.z + c * r.z, shades->alpha = a * p.w + b * q.w + c * r.w;
@@ -328,9 +399,13 @@ INLINE void shade(const Reals weight[3], uint record, uint source, const Shading
     shades->blue = (Reals)(color.z), shades->alpha = (Reals)(color.w);
 #endif
 #if HEADLIGHT
+#if SHADED == 1
+    Reals n_x = normal.x, n_y = normal.y, n_z = normal.z;
+#else
     float3 n_a = load3(shading->normals, face.x), n_b = load3(shading->normals, face.y), n_c = load3(shading->normals, face.z);
     Reals n_x = a * n_a.x + b * n_b.x + c * n_c.x, n_y = a * n_a.y + b * n_b.y + c * n_c.y;
     Reals n_z = a * n_a.z + b * n_b.z + c * n_c.z;
+#endif
     Reals length2 = n_x * n_x + n_y * n_y + n_z * n_z, facing = n_x * view.x + n_y * view.y + n_z * view.z;
     Reals cosine = MIN(MAX(facing, -facing) / square_root(length2), (Reals)(1.0f));
     cosine = length2 > (Reals)(0.0f) ? cosine : (Reals)(1.0f);
@@ -345,8 +420,12 @@ INLINE void shade(const Reals weight[3], uint record, uint source, const Shading
 
 INLINE float4 shade_of(const Shades *shades, int k)
 {
+#if SHADED == 1
+    return (float4)(shades->red, shades->green, shades->blue, shades->alpha);
+#else
     return (float4)(((const float *)&shades->red)[k], ((const float *)&shades->green)[k],
                     ((const float *)&shades->blue)[k], ((const float *)&shades->alpha)[k]);
+#endif
 }
 #endif
 
@@ -357,19 +436,18 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
                       Colors *colors)
 {
 #if FRAGMENT_COLOR
-    const uint *places = (const uint *)&payload;
     for (int first = 0; first < STRIP; first += SHADED) {
         uint left = 0;
         for (int k = 0; k < SHADED; ++k) {
             int own = first + k;
-            ((float *)&colors->red)[own] = ((float *)&colors->green)[own] = 0.0f;
-            ((float *)&colors->blue)[own] = ((float *)&colors->alpha)[own] = 0.0f;
-            left |= (uint)(places[own] != (uint)ABSENT) << k;
+            SET_ELEMENT(float, colors->red, own, 0.0f), SET_ELEMENT(float, colors->green, own, 0.0f);
+            SET_ELEMENT(float, colors->blue, own, 0.0f), SET_ELEMENT(float, colors->alpha, own, 0.0f);
+            left |= (uint)(ELEMENT(uint, payload, own) != (uint)ABSENT) << k;
         }
         while (left) {  // one record a turn; mostly there is only one
-            uint at = places[first + LOWEST_BIT(left)], same = 0;
+            uint at = ELEMENT(uint, payload, first + LOWEST_SHADED(left)), same = 0;
             global const Triangle *t = batch->triangles + batch->pairs[at];
-            for (int k = 0; k < SHADED; ++k) same |= (uint)(places[first + k] == at) << k;
+            for (int k = 0; k < SHADED; ++k) same |= (uint)(ELEMENT(uint, payload, first + k) == at) << k;
             int pixel = strip * STRIP + first, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
             int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, batch->screen.width);
             int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, batch->screen.height);
@@ -378,10 +456,10 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
             Shades shades;
             shade(weight, batch->pairs[at], t->source, shading, VIEW(batch), &shades);
             for (left &= ~same; same; same &= same - 1) {
-                int k = LOWEST_BIT(same);
+                int k = LOWEST_SHADED(same), own = first + k;
                 float4 color = shade_of(&shades, k);
-                ((float *)&colors->red)[first + k] = color.x, ((float *)&colors->green)[first + k] = color.y;
-                ((float *)&colors->blue)[first + k] = color.z, ((float *)&colors->alpha)[first + k] = color.w;
+                SET_ELEMENT(float, colors->red, own, color.x), SET_ELEMENT(float, colors->green, own, color.y);
+                SET_ELEMENT(float, colors->blue, own, color.z), SET_ELEMENT(float, colors->alpha, own, color.w);
             }
         }
     }
@@ -405,7 +483,7 @@ typedef struct { uint step, room, strip_room; } Layout;
 // with room for all, so it tells how many fragments there are. sources: where fragments have colours of their own,
 // receives their faces; NULL if nobody wants them.
 INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uint begin, uint blocks,
-                      const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next, global ulong *fragments,
+                      KEPT_MEMORY const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next, global ulong *fragments,
                       global float4 *colors, global uint *sources)
 {
     ENTER_TILE
@@ -413,7 +491,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     VISITS(blocks)
     VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
 #if MIXED
-    covered &= CONVERT(int, STRIP, (value | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block)]);
+    covered &= CONVERT(int, STRIP, (value | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block) * LANES + lane]);
 #endif
     VECTOR(uint) *places = next + OWN(block);
     uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
@@ -423,17 +501,17 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         uint bits = all >> first & SHADED_BITS;
         if (!bits) continue;
         Reals at_samples[3];
-        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = ((const Reals *)(weight + j))[first / SHADED];
+        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         Shades shades;
         shade(at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades);
         for (; bits; bits &= bits - 1) {
-            int k = first + LOWEST_BIT(bits);
-            uint to = ((uint *)places)[k];
-            ((uint *)places)[k] += layout->step;
+            int k = first + LOWEST_SHADED(bits);
+            uint to = ELEMENT(uint, *places, k);
+            SET_ELEMENT(uint, *places, k, to + layout->step);
             if (to >= layout->room) continue;
             to += strip_start;
             colors[to] = shade_of(&shades, k - first);
-            fragments[to] = ((const ulong *)&value)[k] | PAYLOAD(to, t);
+            fragments[to] = ELEMENT(ulong, value, k) | PAYLOAD(to, t);
             if (sources) sources[to] = t->source;
         }
     }
