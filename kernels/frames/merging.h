@@ -25,7 +25,7 @@ INLINE void merge_strip(const Buffers *buffers, VECTOR(int) more, VECTOR(uint) l
 #if BOUNDED
     *found = PASTE(as_, VECTOR(float))(PASTE(as_, VECTOR(int))(seen) & more);
 #endif
-    for (int k = 0; k < STRIP; ++k) {
+    STRIP_LOOP for (int k = 0; k < STRIP; ++k) {
         float through = ((const float *)&seen)[k];
         ends->deepest = MAX(ends->deepest, ((const uint *)&layers)[k]);
         if (!((const int *)&more)[k] || !(through > 0.0f)) continue;

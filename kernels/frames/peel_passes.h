@@ -101,7 +101,7 @@ kernel void clear_targets(uint strips, uint plane, global Place *targets, global
 INLINE void mark(volatile global uint *more, const Places *at, uint bits)
 {
     for (; bits; bits &= bits - 1) {
-        volatile global uint *place = more + ((const uint *)&at->pixel)[LOWEST_BIT(bits)];
+        volatile global uint *place = more + ELEMENT(uint, at->pixel, LOWEST_BIT(bits));
         if (!READ(place)) atomic_or(place, ~0u);
     }
 }
@@ -136,7 +136,7 @@ INLINE void pass_fragments(uint count, global const ulong *fragments, global con
     for (uint left = BITS_OF(passed); left; left &= left - 1) {
         int k = LOWEST_BIT(left);
         bool left_over;
-        written += write_racing(targets + ((const uint *)&pixel)[k], plane, ((const ulong *)&some)[k], &left_over);
+        written += write_racing(targets + ELEMENT(uint, pixel, k), plane, ELEMENT(ulong, some, k), &left_over);
         if (left_over) mark(more, at, 1u << k);
     }
     add_to_query(query, turn, PASSED, written);
@@ -153,8 +153,8 @@ INLINE void pass_fragments(uint count, global const ulong *fragments, global con
 #endif
     for (uint left = BITS_OF(stored); left; left &= left - 1) {
         int k = LOWEST_BIT(left);
-        uint place = ((const uint *)&pixel)[k];
-        if (pass_atomically(targets + place, plane, ((const uint *)&key)[k], ((const uint *)&payload)[k], step))
+        volatile global Place *place = targets + ELEMENT(uint, pixel, k);
+        if (pass_atomically(place, plane, ELEMENT(uint, key, k), ELEMENT(uint, payload, k), step))
             mark(more, at, 1u << k);
     }
 #endif
@@ -240,7 +240,8 @@ kernel void merge_layers(Screen screen, uint first_tile, uint strips, uint plane
     local Found found[TILE_PIXELS / STRIP];
 #endif
     local uint totals[PEEL_TOTALS];
-    const Colors clear = {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(1.0f)};
+    Colors clear;
+    clear_layer(&clear);
     uint tile = get_group_id(0);
     if (LANE == 0)
         for (int k = 0; k < PEEL_TOTALS; ++k) totals[k] = 0;

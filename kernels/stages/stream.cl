@@ -26,15 +26,15 @@ kernel void draw_behind(global const Triangle *triangles, global const uint *pai
     uint tile = get_group_id(0);
     if (LANE == 0) samples = 0;
     BARRIER;
-    VECTOR(ulong) far[STRIPS_A_LANE];
-    Colors colors[STRIPS_A_LANE];
+    KEPT_MEMORY VECTOR(ulong) far[KEPT_STRIPS];
+    KEPT_MEMORY Colors colors[KEPT_STRIPS];
     uint until = transparent_from(triangles, pairs, pair_start[tile], pair_start[tile + 1]);
     uint own_samples = draw_opaque(batch, shading, tile, until, far, colors);
     atomic_add(&samples, own_samples);
     for (int own = 0; own < STRIPS_A_LANE; ++own) {
-        uint strip = tile * (TILE_PIXELS / STRIP) + own * LANES + LANE;
-        *(global VECTOR(ulong) *)(z_far + strip * STRIP) = far[own];
-        behind[strip] = colors[own];
+        uint place = own * LANES + LANE, strip = tile * (TILE_PIXELS / STRIP) + place;
+        *(global VECTOR(ulong) *)(z_far + strip * STRIP) = far[place];
+        behind[strip] = colors[place];
     }
     BARRIER;
     if (LANE == 0) tile_samples[tile] = samples;
@@ -70,12 +70,12 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
         uint some = bits >> first & SHADED_BITS;
         if (!some) continue;
         Reals at_samples[3];
-        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = ((const Reals *)(weight + j))[first / SHADED];
+        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         Shades shades;
         shade(at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades);
         for (; some; some &= some - 1, ++next) {
-            int k = LOWEST_BIT(some);
-            fragments[next] = (ulong)((const uint *)&key)[first + k] << 32 | PAYLOAD(next, t);
+            int k = LOWEST_SHADED(some);
+            fragments[next] = (ulong)ELEMENT(uint, key, first + k) << 32 | PAYLOAD(next, t);
             pixels[next] = run_pixel + first + k;
             colors[next] = shade_of(&shades, k);
         }
@@ -83,7 +83,7 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
 #else
     for (; bits; bits &= bits - 1, ++next) {
         int k = LOWEST_BIT(bits);
-        fragments[next] = (ulong)((const uint *)&key)[k] << 32 | PAYLOAD(t->source, t);
+        fragments[next] = (ulong)ELEMENT(uint, key, k) << 32 | PAYLOAD(t->source, t);
         pixels[next] = run_pixel + k;
     }
 #endif

@@ -128,9 +128,9 @@ INLINE void blend_on_the_fly(const Buffers *b, VECTOR(int) there, const Row *fra
     VECTOR(int) nearest = there & (fragments->key == b->nearest.key) & (fragments->payload == b->nearest.payload);
     for (uint bits = BITS_OF(nearest); bits; bits &= bits - 1) {
         int k = LOWEST_BIT(bits);
-        uint place = ((const uint *)&pixel)[k];
+        uint place = ELEMENT(uint, pixel, k);
         global float *to = (global float *)(front + place / STRIP) + place % STRIP;
-        float4 color = fragment_color(colors_of_fragments, ((const uint *)&fragments->payload)[k]);
+        float4 color = fragment_color(colors_of_fragments, (uint)ELEMENT(int, fragments->payload, k));
         Colors source = {(VECTOR(float))(color.x), (VECTOR(float))(color.y), (VECTOR(float))(color.z), (VECTOR(float))(color.w)};
         Colors blended = {(VECTOR(float))(to[0]), (VECTOR(float))(to[STRIP]), (VECTOR(float))(to[2 * STRIP]),
                           (VECTOR(float))(to[3 * STRIP])};
