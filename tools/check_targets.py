@@ -38,11 +38,12 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))  # the kernels of this copy are checked, whatever is installed
 
 from clpeel.device.devices import ALLOWED_LANES, GPU_LANES  # noqa: E402
-from clpeel.device.layout import DEPTH_FORMATS, Features  # noqa: E402
+from clpeel.device.layout import DEPTH_FORMATS, Features, Targets  # noqa: E402
+from clpeel.device.memory import Budget  # noqa: E402
 from clpeel.device.program import build_options, source  # noqa: E402
 from clpeel.errors import InputError  # noqa: E402
 from clpeel.options import Options, options_of  # noqa: E402
-from clpeel.stages import many_passes, one_pass, opaque  # noqa: E402
+from clpeel.stages import many_passes, one_pass, opaque, passes  # noqa: E402
 from clpeel.stages.frame import Frame  # noqa: E402
 from clpeel.stages.projection import Triangles  # noqa: E402
 from clpeel.techniques import TECHNIQUES, AnyTechnique  # noqa: E402
@@ -85,8 +86,8 @@ EXCEPTIONS = (
         "dual-depth-peeling keeps four depths and two colours of each of a lane's four pixels: 64 registers",
     ),
     Allowance(
-        "^glowscript ", "peel", 128, 384,
-        "glowscript keeps the colours of four peels, of which a pass writes one",
+        "^glowscript ", "peel", 176, 0,
+        "glowscript keeps the colours of four peels of each of a lane's four pixels: 64 registers",
     ),
     Allowance(
         "^multi-layer-peeling .*LAYERS_A_PASS=[48]\\b", "peel", 200, 0,
@@ -101,6 +102,18 @@ EXCEPTIONS = (
     Allowance(
         "^multi-layer-peeling .*HAZARD_WINDOW", "peel", 344, 800,
         "concurrent writes are simulated, slot by slot: it is no way to draw fast",
+    ),
+    Allowance(
+        "^multi-layer-peeling .*LAYERS_A_PASS=16 PASSES", "blend_layers", 200, 0,
+        "the 16 slots of four pixels are loaded at once",
+    ),
+    Allowance(
+        "^multi-layer-peeling .*LAYERS_A_PASS=64 PASSES", "clear_targets|blend_layers", 128, 2304,
+        "the 64 slots of four pixels are in an array",
+    ),
+    Allowance(
+        "^multi-layer-peeling .*RACING", "peel_fragments", 128, 80,
+        "the paper's race sorts what it reads of eight targets: it is no way to draw fast",
     ),
     Allowance(
         "^translucency ", "draw", 144, 0,
@@ -242,8 +255,14 @@ def _ask(gpu: object, path: str, features: Features, **defines: int) -> Any:
     raise _Asked((path, features, tuple(sorted(defines.items()))))
 
 
-def wanted_by(made: AnyTechnique, features: Features, options: Options) -> tuple[str, Features, Any]:
-    """Which kernel file a technique draws with, compiled for which features and constants: it is asked to draw."""
+def wanted_by(
+    made: AnyTechnique, features: Features, options: Options, atomics: int | None = None
+) -> tuple[str, Features, Any]:
+    """Which kernel file a technique draws with, compiled for which features and constants: it is asked to draw.
+
+    atomics: bits of the device's atomics if it draws by passes, or None if it draws by tiles. Raises InputError if it
+    cannot draw by passes with these options.
+    """
     nothing = cast(Any, None)
     scene = SimpleNamespace(
         scene=SimpleNamespace(bounds=np.array([[0.0] * 3, [1.0] * 3])), grid=SimpleNamespace(scale=1.0)
@@ -252,10 +271,11 @@ def wanted_by(made: AnyTechnique, features: Features, options: Options) -> tuple
         cast(Any, scene), features, True, (32, 32), (0.0, 0.0, 1.0), (1.0, 9.0), (1.0, 9.0), 1.0,
         1, 1, 0, 0, nothing, nothing, nothing,
     )  # fmt: skip
-    gpu = SimpleNamespace(lanes=features.lanes, put=lambda *_: None, buffer=lambda *_: None)
-    frame = Frame(cast(Any, gpu), triangles, {}, 1 << 20)
+    gpu = SimpleNamespace(lanes=features.lanes, long_atomics=atomics == 64, put=lambda *_: None, buffer=lambda *_: None)
+    targets = None if atomics is None else made.targets(options)
+    frame = Frame(cast(Any, gpu), triangles, {}, 1 << 20, Budget(1 << 30, 1 << 30), targets=targets)
     batch = SimpleNamespace(most_layers=9, tiles=4, first_tile=0, tile_pairs=np.array([1, 2, 3, 4]))
-    kept = [(module, module.program) for module in (one_pass, many_passes, opaque)]
+    kept = [(module, module.program) for module in (one_pass, many_passes, opaque, passes)]
     try:
         for module, _ in kept:
             vars(module)["program"] = _ask
@@ -315,12 +335,15 @@ def variants(lanes: int = GPU_LANES) -> list[Variant]:
     for features in features_to_try(lanes):
         add("windows", ("stages/windows.cl", features, ()))
         add("find-layers", ("stages/find_layers.cl", features, ()))
+        add("stream", ("stages/stream.cl", features, ()))
         shown = replace(features, surfaces="opaque")
         for number in range(len(PRECISIONS)):
             add("opaque", ("stages/opaque.cl", shown, (("PRECISION", number),) if number else ()))
         for surfaces in ("transparent", "mixed", "opaque"):
             plain = Features(lanes, surfaces=surfaces, depth_format=features.depth_format)
             add("counting", ("stages/counting.cl", plain, (("ALL_OPAQUE", int(surfaces == "opaque")),)))
+    for constant in ("BY_DEPTH", "FACING", "PRECISION"):
+        add("stream", ("stages/stream.cl", replace(main, surfaces="mixed"), ((constant, 1),)))
     for made in TECHNIQUES.values():
         for features in features_to_try(lanes):
             if features.surfaces == "transparent" or not made.all_surfaces:
@@ -328,12 +351,21 @@ def variants(lanes: int = GPU_LANES) -> list[Variant]:
         for features, options in product((main, lit), options_to_try(made.options)):
             shown = replace(features, surfaces="transparent") if made.all_surfaces else features
             add(made.name, wanted_by(made, shown, options))
+            for atomics in (64, 32) if made.has_passes else ():
+                try:
+                    add(made.name, wanted_by(made, shown, options, atomics))
+                except InputError:
+                    break  # not with this option
     return [replace(each, main=_is_main(each, lanes)) for each in found.values()]
+
+
+IN_MAIN = ("LAYERS_A_PASS", "PERSPECTIVE", "ALL_OPAQUE", "ATOMICS_64", *Targets(1, 1, 1).constants)
+"""Constants that a technique's default options have."""
 
 
 def _is_main(variant: Variant, lanes: int) -> bool:
     """Whether a quick run has it: default options, and one of the two main kinds of colours, or none."""
-    if any(value and name not in ("LAYERS_A_PASS", "PERSPECTIVE", "ALL_OPAQUE") for name, value in variant.defines):
+    if any(value and name not in IN_MAIN for name, value in variant.defines):
         return False
     main = replace(MAIN, lanes=lanes, surfaces=variant.features.surfaces)
     if dict(variant.defines).get("LAYERS_A_PASS", 8) != 8:

@@ -23,7 +23,7 @@ typedef struct {
 INLINE void clear_buffers(Buffers *b)
 {
     clear_to(&b->slot, NEAREST_KEY);  // all fragments lie behind this
-    for (int k = 0; k < MOST_PEELS; ++k) clear_sums(b->peel + k);  // with alpha 0, so that merging changes nothing
+    UNROLL for (int k = 0; k < MOST_PEELS; ++k) clear_sums(b->peel + k);  // with alpha 0, so that merging changes nothing
 }
 
 INLINE uint begin_pass(Buffers *b, uint pass)
@@ -53,7 +53,20 @@ INLINE VECTOR(int) pass_samples(Buffers *b, VECTOR(int) covered, const Row *frag
 
 INLINE VECTOR(int) peeled(const Buffers *b, int i) { return b->slot.payload; }
 
-INLINE void blend_peeled(Buffers *b, int i, const Colors *colors) { store_color(b->peel + b->pass, colors); }
+INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
+{
+#if LANES == 1
+    store_color(b->peel + b->pass, colors);
+#else
+    Colors stored;
+    store_color(&stored, colors);
+    UNROLL for (uint k = 0; k < MOST_PEELS; ++k) {  // registers have no places, so the pass chooses
+        Colors *peel = b->peel + k;
+        peel->red = k == b->pass ? stored.red : peel->red, peel->green = k == b->pass ? stored.green : peel->green;
+        peel->blue = k == b->pass ? stored.blue : peel->blue, peel->alpha = k == b->pass ? stored.alpha : peel->alpha;
+    }
+#endif
+}
 
 INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 {
@@ -63,13 +76,13 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 INLINE VECTOR(float) seen_through(const Buffers *b)
 {
     VECTOR(float) transmittance = (VECTOR(float))(1.0f);
-    for (int k = 0; k < MOST_PEELS; ++k) transmittance *= 1.0f - read_channel(b->peel[k].alpha);
+    UNROLL for (int k = 0; k < MOST_PEELS; ++k) transmittance *= 1.0f - read_channel(b->peel[k].alpha);
     return transmittance;
 }
 
 INLINE void merge(const Buffers *b, Colors *merged)
 {
-    for (int k = MOST_PEELS; k > 0; --k) {
+    UNROLL for (int k = MOST_PEELS; k > 0; --k) {
         Colors peel;
         read_color(b->peel + k - 1, &peel);
         Colors front = {peel.alpha * peel.red, peel.alpha * peel.green, peel.alpha * peel.blue, 1.0f - peel.alpha};
