@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache as remembered
 from pathlib import Path
 
 import pyopencl as cl
@@ -54,6 +55,7 @@ def icd_files() -> list[Path]:
     return files
 
 
+@remembered
 def library_of(platform: cl.Platform) -> str:
     """The path of the library that a platform comes from; empty where that cannot be found out.
 

@@ -25,7 +25,10 @@ Kind = Literal["right", "close", "wrong"]
 """close: right but for roundings that the device says it does not make correctly."""
 
 Parts = frozenset[str]
-"""What a test went through: sets of kernels, each named by a text of one line."""
+"""What a test went through: sets of kernels, each named by a text of one line.
+
+A name may end with a digest of the sources, in brackets: `sort: lanes 1 [0123456789abcdef]`.
+"""
 
 _DIGEST = 16
 _MOST_BYTES = 1 << 24
@@ -115,11 +118,17 @@ class Verdicts:
             pass
 
     def _take(self, verdict: Verdict) -> None:
-        self.wrong = [other for other in self.wrong if not other.parts <= verdict.parts]
+        # Verdicts on other sources of the same kernels do not count any more, either.
+        names = _without_digests(verdict.parts)
+        self.wrong = [other for other in self.wrong if not _without_digests(other.parts) <= names]
         if verdict.kind == "wrong":
             self.wrong.append(verdict)
         else:
             self.good.update(dict.fromkeys(verdict.parts, verdict))
+
+
+def _without_digests(parts: Parts) -> Parts:
+    return frozenset(part.partition(" [")[0] for part in parts)
 
 
 _known: dict[tuple[int, Path], Verdicts] = {}  # by device, and by the folder of all compiled kernels

@@ -69,6 +69,16 @@ def test_the_last_verdict_counts(file: Path) -> None:
     assert read(file).of(A | B) == verdict(A, "wrong", "again")
 
 
+def test_what_other_sources_drew_does_not_count_any_more(file: Path) -> None:
+    known = Verdicts(file)
+    known.keep(verdict(frozenset({"sort: lanes 1 [aaaa]"}), "wrong", "a change that was no good"))
+    known.keep(verdict(frozenset({"sort: lanes 1 [bbbb]"})))
+    assert known.summary(1) == read(file).summary(1) == "right"
+    known.keep(verdict(frozenset({"sort: lanes 1, lit [bbbb]"}), "wrong", "another picture"))
+    known.keep(verdict(frozenset({"sort: lanes 1 [cccc]"})))
+    assert known.summary(1) == read(file).summary(1) == "wrong"
+
+
 def test_a_summary_is_of_its_lanes_alone(file: Path) -> None:
     known = Verdicts(file)
     assert known.summary(1) == "not yet"
