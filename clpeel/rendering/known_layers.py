@@ -192,8 +192,9 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack
     weights = areas / areas.sum(axis=-1, keepdims=True)  # barycentric on the screen
     if wanted.perspective:  # 1 / distance is linear on the screen, and so is anything linear divided by the distance
         weights /= corner_distance
-        distance = 1 / weights.sum(axis=-1)
-        weights *= distance[..., None]
+        with np.errstate(divide="ignore", invalid="ignore"):  # of samples that the triangle does not cover
+            distance = 1 / weights.sum(axis=-1)
+            weights *= distance[..., None]
     else:
         distance = (weights * corner_distance).sum(axis=-1)
     present = (weights > 0).all(axis=-1) & (distance > NEAR) & (distance < FAR)

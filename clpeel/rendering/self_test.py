@@ -277,7 +277,8 @@ def _tested(renderer: Renderer, test: _Test, tiles: int) -> tuple[Verdict, list[
     def compare() -> tuple[Kind, str]:
         result = tester.render(test.wanted.camera(), test.size, test.request.technique.name, **test.given)
         notes.extend(result.stats.notes)
-        return _compared(result, test, lacks(renderer.gpu))
+        with np.errstate(all="ignore"):  # a wrong picture may have any numbers
+            return _compared(result, test, lacks(renderer.gpu))
 
     return _verdict(compare, test.parts, renderer.gpu.lanes), notes
 
@@ -360,9 +361,8 @@ class _Comparison:
         """
         alpha = color[..., 3:]
         if background is None:
-            shown = np.concatenate(
-                [np.divide(color[..., :3], alpha, out=np.zeros_like(color[..., :3]), where=alpha > 0), alpha], -1
-            )
+            straight = np.divide(color[..., :3], alpha, out=np.zeros_like(color[..., :3]), where=alpha > 0)
+            shown = np.concatenate([straight, alpha], axis=-1)
             slack = 2 * bound[..., None] / np.maximum(alpha, ROUNDING) + 4 * ROUNDING
         else:
             shown = np.concatenate([color[..., :3] + (1 - alpha) * np.array(background), np.ones_like(alpha)], axis=-1)
@@ -374,8 +374,7 @@ class _Comparison:
         if (self.wrong if wrong else self.inexact) or not bad.any():
             return
         pixel = tuple(int(place) for place in np.argwhere(bad)[0][:2])
-        values = ", ".join(f"{value:.4g}" for value in np.atleast_1d(got[pixel]))
-        wished = ", ".join(f"{value:.4g}" for value in np.atleast_1d(want[pixel]))
+        values, wished = (", ".join(f"{value:.7g}" for value in np.atleast_1d(each[pixel])) for each in (got, want))
         pixels = bad.reshape(*bad.shape[:2], -1).any(axis=2)
         text = f"{name} {values} in place of {wished} in {pixels.sum()} of {pixels.size} pixels"
         if wrong:
@@ -392,8 +391,9 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     """How far off each sample's colour may be: [samples]. 0 where all numbers are exact in float32.
 
     A layer's own error e changes the picture by 2 e at most, as a C + (1 - a) B has the derivatives a and C - B.
-    weighted-average also divides by the sum: 3 e. weighted-sum goes beyond 1, up to the number of layers. Buffers of
-    few bytes round each blend. The sums' 2.5 roundings a layer stay below blending_bound, which has one more layer.
+    weighted-average also divides by the sum: 3 e. Sums go beyond 1, up to the number of layers, and so do their
+    roundings. Buffers of few bytes round each blend. The sums' 2.5 roundings a layer stay below blending_bound, which
+    has one more layer.
     """
     features, precision = test.wanted.features, getattr(test.options, "precision", DEFAULT_PRECISION)
     layers = stack.present.sum(axis=1)
@@ -402,7 +402,7 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     if features.fragment_color:
         own = (COLOR_ROUNDINGS + (LIGHT_ROUNDINGS if features.headlight else 0)) * ROUNDING
     blends = np.array([blending_bound(count + 1, precision) for count in range(LAYERS + 1)])[layers]
-    bound = (3 * own * layers + blends) * np.maximum(layers, 1)
+    bound = (3 * own * layers + blends) * np.where(test.request.technique.sorts, 1, np.maximum(layers, 1))
     if test.request.technique.name == "translucency":
         # The light from behind changes by its extinction times the error of the length, and exp rounds a few times.
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
