@@ -5,6 +5,11 @@
 // then also the most that the fragments behind can change (stages/composite.h).
 #include "fragments/sorting.h"
 
+// After how many layers blending may stop: as many as one lane has in registers. It is the same for several lanes. Where
+// an alpha is interpolated, it may exceed 1 by a rounding. Then the transmittance is less than zero, and one layer more
+// changes a bit.
+#define SEEN_EVERY 8
+
 // Whether any pixel of a strip has more transmittance than `least_seen`.
 INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
 {
@@ -29,10 +34,11 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     Colors color;
     clear_buffer(&color);
     uint deepest = sort_deep(fragments, scratch, begin, step, count);
-    for (uint first = 0; first < deepest && (RUN > 1 || is_seen(read_channel(color.alpha), least_seen)); first += RUN) {
+    for (uint first = 0; first < deepest; first += RUN) {
+        if (RUN == 1 && first % SEEN_EVERY == 0 && !is_seen(read_channel(color.alpha), least_seen)) break;
         VECTOR(ulong) all[RUN];
         uint row_count = load_sorted(fragments, begin, step, count, first, deepest, all);
-        for (uint row = 0; row < row_count && is_seen(read_channel(color.alpha), least_seen); row += ROWS) {
+        for (uint row = 0; row < row_count && (RUN == 1 || is_seen(read_channel(color.alpha), least_seen)); row += ROWS) {
             Colors source[ROWS];
             uint fetched = MIN(deepest - first - row, (uint)ROWS);
             fetch_colors(all + row, fetched, colors, source);
