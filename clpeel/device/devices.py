@@ -30,6 +30,9 @@ INTERPRETERS = ("Oclgrind",)
 Vectors are no faster there, and Oclgrind rounds some vector operations wrongly.
 """
 
+WITHOUT_VECTORS = ("rusticl",)
+"""Platforms on a CPU whose compilers make scalars of vectors. The kernels of one lane then take minutes to compile."""
+
 ALLOWED_LANES = (1, 16, 32, 64, 128)
 
 
@@ -114,9 +117,9 @@ def list_devices() -> list[DeviceInfo]:
 
 
 def own_lanes(device: cl.Device) -> int:
-    """How many work-items share a tile by default."""
-    has_wide_vectors = device.type & cl.device_type.CPU and device.platform.name.strip() not in INTERPRETERS
-    return CPU_LANES if has_wide_vectors else GPU_LANES
+    """How many work-items share a tile by default: one on a CPU whose driver has vectors, else many."""
+    scalar = device.platform.name.strip() in (*INTERPRETERS, *WITHOUT_VECTORS)
+    return CPU_LANES if device.type & cl.device_type.CPU and not scalar else GPU_LANES
 
 
 def all_devices() -> list[DeviceInfo]:

@@ -11,12 +11,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
 import clpeel
 from clpeel.device import devices as device
 from clpeel.device import drivers
-from clpeel.device.devices import DeviceInfo, list_devices, open_device, why_default
+from clpeel.device.devices import DeviceInfo, list_devices, open_device, own_lanes, why_default
 from clpeel.device.drivers import packages, silent_drivers
 
 
@@ -44,6 +45,21 @@ def test_the_environment_stands_in(monkeypatch):
 def test_one_lane_on_a_cpu():
     gpu = open_device()
     assert gpu.lanes == (1 if device.find_device(None).kind == "cpu" else 64)
+
+
+@pytest.mark.parametrize(
+    ("platform", "kind", "lanes"),
+    [
+        ("Portable Computing Language", cl.device_type.CPU, 1),
+        ("Oclgrind", cl.device_type.CPU, 64),
+        ("rusticl", cl.device_type.CPU, 64),
+        ("rusticl", cl.device_type.GPU, 64),
+        ("NVIDIA CUDA", cl.device_type.GPU, 64),
+    ],
+)
+def test_one_lane_only_where_a_cpu_has_vectors(platform: str, kind: int, lanes: int) -> None:
+    device: Any = SimpleNamespace(type=kind, platform=SimpleNamespace(name=platform))
+    assert own_lanes(device) == lanes
 
 
 @pytest.mark.parametrize("selector", [99, "99", "nothing like it"])
