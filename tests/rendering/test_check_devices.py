@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import pickle
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+from twins.kinds import Crashing, Failing, Hanging
 
 from clpeel.command import main as cli
 from clpeel.device.devices import list_devices
@@ -19,39 +16,9 @@ from clpeel.rendering import check_devices as checking
 from clpeel.rendering.check_devices import Checked, check_devices, kinds_to_check
 from clpeel.rendering.self_test import WrongPictureError
 from clpeel.rendering.warm_up import Kind
-from clpeel.scene.scene import Scene
 from clpeel.techniques import TECHNIQUES
 
 COUNT = Kind("layer-count", "face", "transparent", "none")
-
-
-class Hanging(Kind):
-    """A kind whose test starts another process, as compilers do, and then waits for ever."""
-
-    def scene(self) -> Scene:
-        other = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"])
-        Path(os.environ["TEST_PIDS"]).write_text(f"{os.getpid()} {other.pid}")
-        time.sleep(1000)
-        return super().scene()
-
-
-class Crashing(Kind):
-    """A kind whose test ends the process."""
-
-    def scene(self) -> Scene:
-        os.kill(os.getpid(), signal.SIGKILL)  # PoCL handles SIGSEGV, and goes on
-        return super().scene()
-
-
-class Failing(Kind):
-    """A kind whose kernels are not compiled, or draw wrongly."""
-
-    def scene(self) -> Scene:
-        import pyopencl
-
-        if self.floats:
-            raise WrongPictureError("a long message", "a short reason")
-        raise pyopencl.LogicError("clBuildProgram failed\nwith a long log")
 
 
 def outcomes(kinds: list[Kind], timeout: float = 60.0) -> list[tuple[str, str]]:
