@@ -220,15 +220,16 @@ INLINE bool insert_atomically(volatile global Place *slot, uint plane, uint key,
     }
     return true;
 #else
-    const bool by_depth = BY_DEPTH;
     if (step == KEYS) {
         uint carried = key, last = READ(slot + (size_t)(SLOTS - 1) * plane);
-        if (carried >= last) return !by_depth || carried != last;
+        if (carried >= last) return !BY_DEPTH || carried != last;
         for (int i = 0; i < SLOTS; ++i, slot += plane) {
             uint there = READ(slot);
-            if (carried > there || (!by_depth && carried == there)) continue;
+            if (carried > there) continue;
+            if (!BY_DEPTH && carried == there) continue;
             there = atomic_min(slot, carried);
-            if (there == (uint)ABSENT || (by_depth && there == carried)) return false;
+            if (there == (uint)ABSENT) return false;
+            if (BY_DEPTH && there == carried) return false;
             carried = MAX(there, carried);
         }
         return true;

@@ -84,7 +84,9 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         bool empty = begin == end;
         if (empty)
             for (uint own = 0; own < STRIPS_A_LANE; ++own) {
-                if (LANES == 1 || !MIXED) layer[own * LANES + lane] = clear;
+#if LANES == 1 || !MIXED
+                layer[own * LANES + lane] = clear;
+#endif
 #if VALUES
                 found[own * LANES + lane] = nothing;
 #endif

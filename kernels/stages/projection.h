@@ -184,8 +184,8 @@ OUTLINE void make_triangles(const Corner *given, Uints source, Uints flags, int 
     store_records(triangles + record, field);
 }
 
-// SHARE_OF: the share of vertex j at the given corner `place`. Registers have no places, so without vectors it is chosen.
-#if WIDE == 1
+// SHARE_OF: the share of vertex j at the given corner `place`. Registers have no places, so a GPU chooses.
+#if LANES > 1
 #define SHARE_OF(place, j) ((place) == 0 ? share[0][j] : (place) == 1 ? share[1][j] : share[2][j])
 #else
 #define SHARE_OF(place, j) FLOAT_OF(share[place][j])

@@ -9,6 +9,11 @@
 // an alpha is interpolated, it may exceed 1 by a rounding. Then the transmittance is less than zero, and one layer more
 // changes a bit.
 #define SEEN_EVERY 8
+#if RUN == 1
+#define MAY_BE_SEEN(transmittance) true
+#else
+#define MAY_BE_SEEN(transmittance) is_seen(transmittance, least_seen)
+#endif
 
 // Whether any pixel of a strip has more transmittance than `least_seen`.
 INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
@@ -35,10 +40,12 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     clear_buffer(&color);
     uint deepest = sort_deep(fragments, scratch, begin, step, count);
     for (uint first = 0; first < deepest; first += RUN) {
-        if (RUN == 1 && first % SEEN_EVERY == 0 && !is_seen(read_channel(color.alpha), least_seen)) break;
+#if RUN == 1
+        if (first % SEEN_EVERY == 0 && !is_seen(read_channel(color.alpha), least_seen)) break;
+#endif
         VECTOR(ulong) all[RUN];
         uint row_count = load_sorted(fragments, begin, step, count, first, deepest, all);
-        for (uint row = 0; row < row_count && (RUN == 1 || is_seen(read_channel(color.alpha), least_seen)); row += ROWS) {
+        for (uint row = 0; row < row_count && MAY_BE_SEEN(read_channel(color.alpha)); row += ROWS) {
             Colors source[ROWS];
             uint fetched = MIN(deepest - first - row, (uint)ROWS);
             fetch_colors(all + row, fetched, colors, source);
