@@ -17,13 +17,25 @@ typedef struct {
     Row z_near, slot;
     VECTOR(int) more;
     Colors peel[MOST_PEELS];
-    uint pass;
+    uint pass, peels;  // the number of this pass; how many peels are stored
 } Buffers;
+
+// Whether only as many peels are gone through as are stored. Several lanes have peels in registers, which have no places,
+// and by passes they are in memory: there the others count as clear.
+#define COUNTED (LANES == 1 && !PASSES)
+#define PEELS(b) (COUNTED ? (int)(b)->peels : MOST_PEELS)
+#if COUNTED
+#define PEEL_LOOP
+#else
+#define PEEL_LOOP UNROLL
+#endif
 
 INLINE void clear_buffers(Buffers *b)
 {
     clear_to(&b->slot, NEAREST_KEY);  // all fragments lie behind this
-    UNROLL for (int k = 0; k < MOST_PEELS; ++k) clear_sums(b->peel + k);  // with alpha 0, so that merging changes nothing
+    b->peels = 0;
+    if (!COUNTED)
+        UNROLL for (int k = 0; k < MOST_PEELS; ++k) clear_sums(b->peel + k);  // alpha 0: merging these changes nothing
 }
 
 INLINE uint begin_pass(Buffers *b, uint pass)
@@ -57,10 +69,11 @@ INLINE void blend_peeled(Buffers *b, int i, const Colors *colors)
 {
 #if LANES == 1
     store_color(b->peel + b->pass, colors);
+    b->peels = b->pass + 1;
 #else
     Colors stored;
     store_color(&stored, colors);
-    UNROLL for (uint k = 0; k < MOST_PEELS; ++k) {  // registers have no places, so the pass chooses
+    UNROLL for (uint k = 0; k < MOST_PEELS; ++k) {
         Colors *peel = b->peel + k;
         peel->red = k == b->pass ? stored.red : peel->red, peel->green = k == b->pass ? stored.green : peel->green;
         peel->blue = k == b->pass ? stored.blue : peel->blue, peel->alpha = k == b->pass ? stored.alpha : peel->alpha;
@@ -76,13 +89,13 @@ INLINE VECTOR(int) end_pass(Buffers *b, float least_seen)
 INLINE VECTOR(float) seen_through(const Buffers *b)
 {
     VECTOR(float) transmittance = (VECTOR(float))(1.0f);
-    UNROLL for (int k = 0; k < MOST_PEELS; ++k) transmittance *= 1.0f - read_channel(b->peel[k].alpha);
+    PEEL_LOOP for (int k = 0; k < PEELS(b); ++k) transmittance *= 1.0f - read_channel(b->peel[k].alpha);
     return transmittance;
 }
 
 INLINE void merge(const Buffers *b, Colors *merged)
 {
-    UNROLL for (int k = MOST_PEELS; k > 0; --k) {
+    PEEL_LOOP for (int k = PEELS(b); k > 0; --k) {
         Colors peel;
         read_color(b->peel + k - 1, &peel);
         Colors front = {peel.alpha * peel.red, peel.alpha * peel.green, peel.alpha * peel.blue, 1.0f - peel.alpha};
