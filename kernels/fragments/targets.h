@@ -173,29 +173,31 @@ INLINE void row_at(global const Place *from, uint plane, int count, int i, const
 
 #if !RACING
 // --- blending -------------------------------------------------------------------------------------------------------
-// Each of these blends one fragment into the places of its pixel. target: the pixel's place in the target's plane.
-INLINE void blend_min_atomically(volatile global Place *target, uint plane, uint key, uint payload, int step)
+// Blends one fragment into a place of target i. It goes on where the fragment may be stored (may_be_stored), which a CPU
+// has asked for a whole strip before. plane: of the target's planes.
+INLINE void blend_atomically(volatile global Place *place, uint plane, int i, uint key, uint payload, int step)
 {
+    if (BY_DEPTH && IS_MAX(i)) payload = 0x7FFFFFFF - payload;  // see as_written
 #if ATOMICS_64
     ulong word = (ulong)key << 32 | payload;
-    if (word < READ_LONG(target)) atom_min(target, word);
+    if (IS_MAX(i)) {
+        if (CPU_TARGET || word > READ_LONG(place)) atom_max(place, word);
+    } else {
+        if (CPU_TARGET || word < READ_LONG(place)) atom_min(place, word);
+    }
 #else
-    if (step == KEYS && key < READ(target)) atomic_min(target, key);
-    if (step == PAYLOADS && key == *target) atomic_min(target + (size_t)TARGETS * plane, payload);
-#endif
-}
-
-INLINE void blend_max_atomically(volatile global Place *target, uint plane, uint key, uint payload, int step)
-{
-    if (BY_DEPTH) payload = 0x7FFFFFFF - payload;
-#if ATOMICS_64
-    ulong word = (ulong)key << 32 | payload;
-    if (word > READ_LONG(target)) atom_max(target, word);
-#else
-    // Payloads are signed here, as NO_PAYLOAD is less than any of them.
-    if (step == KEYS && key > READ(target)) atomic_max(target, key);
-    if (step == PAYLOADS && key == *target)
-        atomic_max((volatile global int *)(target + (size_t)TARGETS * plane), (int)payload);
+    if (step == KEYS) {
+        if (IS_MAX(i)) {
+            if (CPU_TARGET || key > READ(place)) atomic_max(place, key);
+        } else {
+            if (CPU_TARGET || key < READ(place)) atomic_min(place, key);
+        }
+    } else if (key == *place) {
+        // Payloads of MAX targets are signed, as NO_PAYLOAD is less than any of them.
+        place += (size_t)TARGETS * plane;
+        if (IS_MAX(i)) atomic_max((volatile global int *)place, (int)payload);
+        else atomic_min(place, payload);
+    }
 #endif
 }
 

@@ -25,11 +25,9 @@
 //   target(buffers, i)           where it keeps what target i has
 //   bound(buffers, i)            where it keeps what it compares with
 //   color_target(buffers, i)     its colour buffers
-//   may_store(targets, plane, at, key)
-//                                whether fragments that pass may change a target, as far as is known now
-//   pass_atomically(target, plane, key, payload, step)
-//                                blends such a fragment into the depth targets of its pixel; returns whether one is left
-//                                over behind the slots
+//   output(i, passed, payload, key)
+//                                where it has no slots: which of the fragments that pass write to target i, and what:
+//                                `key` comes as that of the depth
 //   ON_THE_FLY                   1 if the first of the peeled layers is blended by its own fragment, in
 //   blend_on_the_fly(buffers, there, fragments, pixel, palette, colors)
 #ifndef PEEL_PASSES_H
@@ -142,21 +140,32 @@ INLINE void pass_fragments(uint count, global const ulong *fragments, global con
     add_to_query(query, turn, PASSED, written);
 #else
     if (step != PAYLOADS) add_to_query(query, turn, PASSED, POPCOUNT(BITS_OF(passed)));
-    VECTOR(int) stored = passed & may_store(targets, plane, at, key);
 #if SLOTS
+    VECTOR(int) stored = passed & may_be_stored(targets, plane, SLOTS - 1, at, key);
     if (step != PAYLOADS) {
         VECTOR(int) behind_slots = passed & ~stored;
         if (CPU_TARGET && BITS_OF(behind_slots))
             behind_slots &= words_at((global const uint *)more, 1, at) == (VECTOR(uint))(0);
         mark(more, at, BITS_OF(behind_slots));
     }
-#endif
     for (uint left = BITS_OF(stored); left; left &= left - 1) {
         int k = LOWEST_BIT(left);
         volatile global Place *place = targets + ELEMENT(uint, pixel, k);
-        if (pass_atomically(place, plane, ELEMENT(uint, key, k), ELEMENT(uint, payload, k), step))
+        if (insert_atomically(place, plane, ELEMENT(uint, key, k), ELEMENT(uint, payload, k), step))
             mark(more, at, 1u << k);
     }
+#else
+    for (int i = 0; i < TARGETS; ++i) {
+        VECTOR(uint) written = key;
+        VECTOR(int) stored = output(i, passed, payload, &written);
+        stored &= may_be_stored(targets, plane, i, at, written);
+        for (uint left = BITS_OF(stored); left; left &= left - 1) {
+            int k = LOWEST_BIT(left);
+            volatile global Place *place = targets + (size_t)i * plane + ELEMENT(uint, pixel, k);
+            blend_atomically(place, plane, i, ELEMENT(uint, written, k), ELEMENT(uint, payload, k), step);
+        }
+    }
+#endif
 #endif
 }
 

@@ -103,18 +103,8 @@ INLINE Row *target(Buffers *b, int i) { return i == 0 ? &b->next_nearest : &b->n
 INLINE Row *bound(Buffers *b, int i) { return i == 0 ? &b->nearest : &b->farthest; }
 INLINE Colors *color_target(Buffers *b, int i) { return i == 0 ? &b->front : &b->back; }
 
-INLINE VECTOR(int) may_store(volatile global Place *min_max, uint plane, const Places *at, VECTOR(uint) key)
-{
-    return may_be_stored(min_max, plane, 0, at, key) | may_be_stored(min_max, plane, 1, at, key);
-}
-
-// MAX blending of float2(-depth, depth).
-INLINE bool pass_atomically(volatile global Place *min_max, uint plane, uint key, uint payload, int step)
-{
-    blend_min_atomically(min_max, plane, key, payload, step);
-    blend_max_atomically(min_max + plane, plane, key, payload, step);
-    return false;
-}
+// float2(-depth, depth): both targets get the depth, as MAX of -depth is MIN of depth.
+INLINE VECTOR(int) output(int i, VECTOR(int) passed, VECTOR(uint) payload, VECTOR(uint) *key) { return passed; }
 
 // "Blending on the Fly": the fragment at the nearest depth blends itself under the front. It is the only one of its
 // pixel and pass. So MAX blending of the colours, which only grow, is a plain write. 1 - Adst is the third component

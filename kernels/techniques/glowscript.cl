@@ -109,15 +109,6 @@ INLINE Row *target(Buffers *b, int i) { return &b->slot; }
 INLINE Row *bound(Buffers *b, int i) { return &b->z_near; }
 INLINE Colors *color_target(Buffers *b, int i) { return b->peel + i; }
 
-INLINE VECTOR(int) may_store(volatile global Place *targets, uint plane, const Places *at, VECTOR(uint) key)
-{
-    return may_be_stored(targets, plane, SLOTS - 1, at, key);
-}
-
-INLINE bool pass_atomically(volatile global Place *slot, uint plane, uint key, uint payload, int step)
-{
-    return insert_atomically(slot, plane, key, payload, step);
-}
 #endif
 
 #include "frames/peeling.h"

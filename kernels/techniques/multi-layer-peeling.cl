@@ -114,16 +114,6 @@ INLINE Colors *color_target(Buffers *b, int i) { return &b->color; }
 
 #if RACING
 #include "techniques/multi-layer-races.h"
-#else
-INLINE VECTOR(int) may_store(volatile global Place *targets, uint plane, const Places *at, VECTOR(uint) key)
-{
-    return may_be_stored(targets, plane, SLOTS - 1, at, key);
-}
-
-INLINE bool pass_atomically(volatile global Place *slot, uint plane, uint key, uint payload, int step)
-{
-    return insert_atomically(slot, plane, key, payload, step);
-}
 #endif
 #endif
 

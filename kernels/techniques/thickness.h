@@ -233,21 +233,15 @@ INLINE Row *target(Buffers *b, int i) { return i == 0 ? &b->red : &b->green; }
 INLINE Row *bound(Buffers *b, int i) { return 0; }
 INLINE Colors *color_target(Buffers *b, int i) { return &b->color; }
 
-INLINE VECTOR(int) may_store(volatile global Place *red, uint plane, const Places *at, VECTOR(uint) key)
+// What a fragment writes to the two channels of the article's render target.
+INLINE VECTOR(int) output(int i, VECTOR(int) passed, VECTOR(uint) payload, VECTOR(uint) *key)
 {
-    return (VECTOR(int))(-1);
-}
-
-INLINE bool pass_atomically(volatile global Place *red, uint plane, uint key, uint payload, int step)
-{
-    volatile global Place *green = red + plane;
 #if VARIANT == TOTAL
-    blend_min_atomically(red, plane, key, payload, step);
-    blend_min_atomically(green, plane, ~key, payload, step);
+    if (i == 1) *key = ~*key;  // 1 - depth
+    return passed;
 #else
-    blend_min_atomically(payload & 1 ? green : red, plane, key, payload, step);
+    return passed & (i == 1 ? is_back(payload) : ~is_back(payload));
 #endif
-    return false;
 }
 #endif
 

@@ -34,8 +34,8 @@ kernel void blend(uint plane, volatile global Place *targets, global const ulong
 #if SLOTS
     if (insert_atomically(place, plane, key, payload, step)) left_over[pixels[k]] = 1;
 #else
-    blend_min_atomically(place, plane, key, payload, step);
-    blend_max_atomically(place + plane, plane, key, payload, step);
+    blend_atomically(place, plane, 0, key, payload, step);
+    blend_atomically(place + plane, plane, 1, key, payload, step);
 #endif
 }
 
