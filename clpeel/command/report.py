@@ -48,6 +48,8 @@ def technique_table() -> list[str]:
         lines.append(f"{name:<{width}}  {summary}")
         if options := option_names(name):
             lines.append(f"{'':<{width}}  options: {', '.join(options)}")
+        if name != AUTO and TECHNIQUES[name].has_passes:
+            lines.append(f"{'':<{width}}  executions: tiles, passes")
     return lines
 
 
