@@ -10,6 +10,9 @@ from clpeel.rendering.options import PictureOptions
 from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
+
+METHOD = ("opaque", "depth_format", "execution")
+"""Options of all pictures whose flags stand beside those of the techniques."""
 """The options of all pictures, by name."""
 
 
@@ -121,7 +124,7 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
     group.add_argument("--technique", default="sort", metavar="NAME", help=text)
     text = "with auto: what it chose, why, and what others would have cost"
     group.add_argument("--explain", action="store_true", help=text)
-    for each in (*technique_options().values(), PICTURE["opaque"], PICTURE["depth_format"]):
+    for each in (*technique_options().values(), *(PICTURE[name] for name in METHOD)):
         add_option(group, each)
     text = "write the map of techniques that make one, as an array of NumPy: a row for each row of pixels"
     group.add_argument("--map", metavar="FILE.npy", help=text)

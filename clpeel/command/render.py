@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from clpeel.command.inputs import load_files, make_camera
-from clpeel.command.options import technique_options
+from clpeel.command.options import METHOD, technique_options
 from clpeel.command.outputs import (
     LAYER_FILES,
     check_apart,
@@ -139,7 +139,7 @@ def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
 
 def _given(options: argparse.Namespace, layers: bool) -> dict[str, Any]:
     """Return the given options of `clpeel.render`, without those of the camera and the device."""
-    names = (*technique_options(), "opaque", "depth_format", "samples", "memory")
+    names = (*technique_options(), *METHOD, "samples", "memory")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     return {
         **given,

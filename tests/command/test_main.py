@@ -28,6 +28,8 @@ from clpeel.command import parser as command_line
 from clpeel.command.inputs import make_camera
 from clpeel.command.terminal import Progress
 from clpeel.errors import InputError, NoDeviceError
+from clpeel.options import options_of
+from clpeel.rendering.options import PictureOptions
 from clpeel.techniques import TECHNIQUES
 
 PYTHON = (sys.executable, "-P")  # -P: not the sources in the working folder, but the package that is installed
@@ -740,6 +742,31 @@ def test_techniques_are_listed(capfd: Any) -> None:
     for name, technique in TECHNIQUES.items():
         assert sum(line.split(" ")[0] == name and technique.summary in line for line in lines) == 1
     assert sum("options: " in line and "hazard_window" in line for line in lines) == 1
+
+
+def test_a_picture_by_passes_is_the_one_by_tiles(tmp_path: Path, squares: Path, capfd: Any) -> None:
+    call = ["render", str(squares), "--opacity", "0.5", "--resolution", "40,30", "--technique", "multi-layer-peeling"]
+    pictures = []
+    for name, extra in (("tiles", []), ("passes", ["--execution", "passes"]), ("race", ["--racing-writes"])):
+        path, stats = tmp_path / f"{name}.png", tmp_path / f"{name}.json"
+        by_passes = ["--execution=passes"] if name == "race" else []
+        assert cli.main([*call, *extra, *by_passes, "-o", str(path), f"--stats={stats}"]) == 0, name
+        assert json.loads(stats.read_text())["execution"] == ("tiles" if name == "tiles" else "passes")
+        pictures.append(path.read_bytes())
+    assert pictures[0] == pictures[1] == pictures[2]
+    assert json.loads((tmp_path / "race.json").read_text())["inner_passes"] == [2, 1]
+    assert cli.main(["render", str(squares), "-o", str(tmp_path / "no.png"), "--execution", "passes"]) == 2
+    assert "execution: expected 'tiles' for the technique 'sort', got 'passes'" in capfd.readouterr().err
+    assert not (tmp_path / "no.png").exists()
+
+
+def test_all_options_of_pictures_have_a_flag() -> None:
+    render = command_line.make_parser().commands["render"]
+    flags = {flag for action in command_line._options(render) for flag in action.option_strings}
+    elsewhere = {"size": "--resolution", "background": "--background-color", "lighting": "--unlit"}
+    not_here = {"keep_color", "layers"}  # the command writes files: one of them for colours, and `clpeel layers`
+    for each in options_of(PictureOptions):
+        assert each.name in not_here or elsewhere.get(each.name, each.flag) in flags, each.name
 
 
 def test_devices_are_numbered(capfd: Any) -> None:
