@@ -97,14 +97,18 @@ STATS_ROWS = {
 def format_stats(stats: Figures) -> str:
     """Return a render's stats as a readable table: what was done, each stage's seconds, each buffer's bytes."""
 
-    def show(value: object) -> str:
+    def show(value: object, between: str = ", ") -> str:
         if isinstance(value, list | tuple):
-            return " x ".join(show(part) for part in value)
+            return between.join(show(part) for part in value)
         if isinstance(value, str):
             return value
         return f"{value:,.1f}" if isinstance(value, float) else f"{value:,}"
 
-    lines = [f"{label:<24} {show(stats[key])}" for key, label in STATS_ROWS.items() if stats.get(key) is not None]
+    lines = [
+        f"{label:<24} {show(stats[key], ' x ' if key == 'size' else ', ')}"
+        for key, label in STATS_ROWS.items()
+        if stats.get(key) is not None
+    ]
     lines.append("seconds")
     lines += [f"  {stage:<22} {value:.4f}" for stage, value in stats.get("seconds", {}).items()]
     lines.append("bytes")
