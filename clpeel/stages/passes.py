@@ -31,7 +31,7 @@ from clpeel.stages.many_passes import PassRules, most_passes_of
 from clpeel.stages.stream import Run, Stream, Window
 from clpeel.stages.tiles import Canvas, Drawn, stage_of, walk_arguments
 
-UNREAD_PASSES = 64
+UNREAD_PASSES = 1024
 """How many passes are issued before their counts are fetched, where no occlusion query ends them."""
 
 MOST_REPEATS = 1 << 14
