@@ -29,7 +29,7 @@ from clpeel.errors import DeviceError
 from clpeel.stages.binning import Batch
 from clpeel.stages.many_passes import PassRules, most_passes_of
 from clpeel.stages.stream import Run, Stream, Window
-from clpeel.stages.tiles import Canvas, Drawn, stage_of, walk_arguments
+from clpeel.stages.tiles import Canvas, Drawn, stage_of
 
 UNREAD_PASSES = 1024
 """How many passes are issued before their counts are fetched, where no occlusion query ends them."""
@@ -40,8 +40,20 @@ MOST_REPEATS = 1 << 14
 PLANE_PADDING = 16
 """Places between two planes of a target. Without them a pixel of all planes would fall on the same line of a cache."""
 
-COMPOSITED = ("side_bits", "red", "green", "blue", "has_background", "clamped", "image", "color")
-"""The arguments of a kernel that composites, among those of Canvas.arguments."""
+HELD = (
+    "screen",
+    "side_bits",
+    "red",
+    "green",
+    "blue",
+    "has_background",
+    "clamped",
+    "image",
+    "color",
+    "parameters",
+    "values",
+)
+"""Of the arguments that a Canvas gives, those that kernels over pixels and tiles want."""
 
 Key = tuple[int, int]
 
@@ -62,14 +74,16 @@ class Found:
 class Machine:
     """Launches the kernels of a technique over the fragments, the pixels or the tiles of a window.
 
-    path: the technique's kernel file. constants: of its kernels. All arguments that a kernel may want are in `held`, by
-    the kernels' names for them.
+    path: the technique's kernel file. constants: of its kernels. targets: its render targets. All arguments that a
+    kernel may want are in `held`, by the kernels' names for them. fragments, opaque_samples: of the windows so far.
     """
 
-    def __init__(self, canvas: Canvas, path: str, constants: Mapping[str, int]):
+    def __init__(self, canvas: Canvas, path: str, constants: Mapping[str, int], targets: Targets):
         self.canvas, self.gpu = canvas, canvas.gpu
+        self.fragments = self.opaque_samples = 0
         self.stage = stage_of(path)
         self._kernels = program(canvas.gpu, path, canvas.triangles.features, **constants)
+        self.stream = Stream(canvas, targets, constants)
         self.held: Arguments = {}
 
     def has(self, name: str) -> bool:
@@ -93,12 +107,21 @@ class Machine:
         """Launches a kernel that takes a tile in each work-group."""
         return self.over(name, window.tiles, self.gpu.lanes)
 
-    def begin(self, batch: Batch, window: Window, parameters: Sequence[float] = ()) -> None:
+    def windows(self, batch: Batch) -> Iterator[Window]:
+        """Yields the batch's windows, counts what they have, and reports each that is done."""
+        at_tile = self.canvas.watch and self.canvas.watch(batch)
+        for window in self.stream.windows(batch):
+            self.fragments += window.fragments
+            self.opaque_samples += window.part.opaque_samples if window.tile == 0 else 0
+            yield window
+            if at_tile:
+                at_tile(window.part.batch.first_tile + window.tile + window.tiles)
+
+    def begin(self, window: Window, parameters: Sequence[float] = ()) -> None:
         """Holds the arguments of the window: the picture, the technique's parameters, and how many pixels there are."""
-        own = self.canvas.arguments(batch, parameters)
-        self.held |= {name: own[name] for name in (*COMPOSITED, "parameters", "values")}
+        own = self.canvas.arguments(window.part.batch, parameters)
+        self.held |= {name: own[name] for name in HELD}
         self.held |= {
-            "screen": walk_arguments(self.canvas.triangles, window.part.batch)["screen"],
             "first_tile": window.tile,
             "behind": window.part.behind,
             "pixel_end": window.part.pixel_end,
@@ -137,47 +160,41 @@ class Peeler(Machine):
         parameters: Sequence[float],
     ):
         constants = {**defines, **targets.constants, "BY_DEPTH": int(rules.coincident == "paper")}
-        super().__init__(canvas, path, {**constants, "ATOMICS_64": int(canvas.gpu.long_atomics)})
+        super().__init__(canvas, path, {**constants, "ATOMICS_64": int(canvas.gpu.long_atomics)}, targets)
         self.rules, self.targets, self.first_passes, self.parameters = rules, targets, first_passes, parameters
-        self.stream = Stream(canvas, targets, constants)
 
     def draw(self, batch: Batch) -> Drawn:
         """Draws the batch. Raises DeviceError if racing writes never come to an end."""
-        at_tile = self.canvas.watch and self.canvas.watch(batch)
         most_passes, _ = most_passes_of(batch, self.rules, self.first_passes, None)
-        found, fragments, opaque_samples, ends = Found(), 0, 0, []
+        found, ends = Found(), []
         if not self.targets.racing:
             for number in range(1 if self.rules.occlusion_query else most_passes):
                 found.add((number, 0), 0)  # also where there is nothing to peel
-        for window in self.stream.windows(batch):
-            self._begin(batch, window)
+        for window in self.windows(batch):
+            self._begin(window)
             for number, run in enumerate(self.stream.runs(window)):
                 self.take(run)
                 if number:
                     self._clear(first_run=False)
                 (self._race if self.targets.racing else self._peel)(found, most_passes)
-                fragments += run.count
             self.over_tiles("merge_layers", window)
             ends.append(self.gpu.get(self.held["tile_totals"], window.tiles, PEEL_TOTALS))
-            opaque_samples += window.part.opaque_samples if window.tile == 0 else 0
-            if at_tile:
-                at_tile(window.part.batch.first_tile + window.tile + window.tiles)
         totals = np.concatenate(ends)
         keys = sorted(found.samples)
         return Drawn(
-            fragments=fragments,
+            fragments=self.fragments,
             layers_max=int(totals["layers"].max()),
             samples_passed=tuple(found.samples[key] for key in keys),
             truncated_pixels=int(totals["truncated"].sum(dtype=np.int64)),
             hidden=float(totals["hidden"].max()),
-            opaque_samples=opaque_samples,
+            opaque_samples=self.opaque_samples,
             pass_seconds=tuple(found.seconds[key] for key in keys),
             pass_keys=tuple(keys),
         )
 
-    def _begin(self, batch: Batch, window: Window) -> None:
+    def _begin(self, window: Window) -> None:
         """Holds the window's buffers, and clears those that are kept from pass to pass."""
-        self.begin(batch, window, self.parameters)
+        self.begin(window, self.parameters)
         gpu, targets, pixels = self.gpu, self.targets, window.pixels
         plane = pixels + PLANE_PADDING
         self.held |= {
@@ -269,28 +286,22 @@ class Peeler(Machine):
 
 def add_up(canvas: Canvas, batch: Batch, path: str, defines: Mapping[str, int], targets: Targets) -> Drawn:
     """Draws the batch with a technique that adds up all fragments in one geometry pass."""
-    machine = Machine(canvas, path, {**defines, **targets.constants})
-    gpu, stream = canvas.gpu, Stream(canvas, targets, defines)
-    at_tile = canvas.watch and canvas.watch(batch)
-    found, fragments, opaque_samples, layers_max = Found(), 0, 0, 0
-    for window in stream.windows(batch):
-        machine.begin(batch, window)
+    machine = Machine(canvas, path, {**defines, **targets.constants}, targets)
+    gpu, layers_max, seconds = canvas.gpu, 0, 0.0
+    for window in machine.windows(batch):
+        machine.begin(window)
         machine.held |= {
             "sums": gpu.buffer("color_targets", COLOR_BYTES * window.pixels),
             "depth": gpu.buffer("layers", 4 * window.pixels),
             "tile_layers": gpu.buffer("window_totals", 4 * window.tiles),
         }
         events = [machine.over_pixels("begin_sums")]
-        for run in stream.runs(window):
+        for run in machine.stream.runs(window):
             machine.take(run)
             events.append(machine.over_fragments("count_depth"))
             events.append(machine.over_tiles("blend_in_order", window))
-            fragments += run.count
         machine.over_tiles("merge_sums", window)
         layers_max = max(layers_max, int(gpu.get(machine.held["tile_layers"], window.tiles, np.uint32).max()))
-        found.add((0, 0), sum(count for _, _, count in window.cuts), events)
-        opaque_samples += window.part.opaque_samples if window.tile == 0 else 0
-        if at_tile:
-            at_tile(window.part.batch.first_tile + window.tile + window.tiles)
-    seconds = found.seconds[0, 0]
-    return Drawn(fragments, layers_max, (fragments,), opaque_samples=opaque_samples, pass_seconds=(seconds,))
+        seconds += seconds_of(events)  # they are done, as the layers have been fetched
+    samples, opaque = (machine.fragments,), machine.opaque_samples
+    return Drawn(machine.fragments, layers_max, samples, opaque_samples=opaque, pass_seconds=(seconds,))

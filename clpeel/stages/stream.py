@@ -87,6 +87,11 @@ class Window:
         """The number of its pixels, all of its tiles."""
         return self.tiles * TILE_PIXELS
 
+    @property
+    def fragments(self) -> int:
+        """The number of its fragments, in all runs."""
+        return sum(count for _, _, count in self.cuts)
+
 
 class Stream:
     """Emits a batch's fragments, window by window.

@@ -105,12 +105,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             for (int own = 0; own < STRIPS_A_LANE; ++own) passed += begin_pass(buffers + own, pass);
             VISITS((1u << TILE_BLOCKS) - 1)
             VECTOR(uint) key = keys_of(t, weight, screen.depth_scale);
-            if (MIXED) {
-                // Skips what lies behind the opaque surface. With BY_DEPTH it also skips what lies exactly on it.
-                VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
-                submitted |= (VECTOR(ulong))((ulong)(BY_DEPTH ? 0xFFFFFFFFu : t->source));
-                covered &= CONVERT(int, STRIP, submitted < z_far[OWN(block) * LANES + lane]);
-            }
+            if (MIXED) covered &= is_in_front(key, t->source, z_far[OWN(block) * LANES + lane]);
             // The key as a signed number (fragments/comparing.h).
             Row arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
                                   (VECTOR(int))((int)PAYLOAD(FRAGMENT_COLOR ? place : t->source, t))};

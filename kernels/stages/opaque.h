@@ -11,6 +11,20 @@
 #include "stages/composite.h"
 #include "stages/walk.h"
 
+// BY_DEPTH: see fragments/comparing.h.
+#ifndef BY_DEPTH
+#define BY_DEPTH 0
+#endif
+
+// Whether fragments lie in front of the opaque surface: -1, or 0 where not. With BY_DEPTH those that lie exactly on it do
+// not. source: their face.
+INLINE VECTOR(int) is_in_front(VECTOR(uint) key, uint source, VECTOR(ulong) z_far)
+{
+    VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
+    submitted |= (VECTOR(ulong))((ulong)(BY_DEPTH ? 0xFFFFFFFFu : source));
+    return CONVERT(int, STRIP, submitted < z_far);
+}
+
 // The place in `pairs` where a tile's transparent records begin: a binary search.
 INLINE uint transparent_from(global const Triangle *triangles, global const uint *pairs, uint begin, uint end)
 {

@@ -8,18 +8,6 @@
 //   tile_totals   fragments of the tile, and fragments of its deepest pixel
 #include "stages/opaque.h"
 
-// Whether fragments lie in front of the opaque surface: -1, or 0 where not. With BY_DEPTH those that lie exactly on it
-// do not. z_far: see stages/opaque.h.
-#ifndef BY_DEPTH
-#define BY_DEPTH 0
-#endif
-INLINE VECTOR(int) is_in_front(VECTOR(uint) key, uint source, VECTOR(ulong) z_far)
-{
-    VECTOR(ulong) submitted = CONVERT(ulong, STRIP, key) << (VECTOR(ulong))(32);
-    submitted |= (VECTOR(ulong))((ulong)(BY_DEPTH ? 0xFFFFFFFFu : source));
-    return CONVERT(int, STRIP, submitted < z_far);
-}
-
 // z_far: of each pixel of the tiles, where surfaces are MIXED; else NULL.
 kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                             Screen screen, global const ulong *z_far, global uint *pixel_end, global uint2 *tile_totals)
