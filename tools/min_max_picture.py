@@ -51,6 +51,8 @@ class Watched(clpeel.stages.passes.Peeler):
     def _blend(self, number: int) -> cl.Event:
         event = super()._blend(number)
         width, height = self.canvas.triangles.size
+        if (width, height) != SIZE:
+            return event  # the self-test draws a picture of its own before
         held: dict[str, Any] = self.held
         plane, pixels = held["plane"], held["strips"] * self.canvas.triangles.features.strip
         words = self.gpu.get(held["bounds"], (2, plane), np.uint64)[:, :pixels]
