@@ -26,9 +26,10 @@ from clpeel.rendering.blank import why_blank
 from clpeel.rendering.options import Lighting, Size
 from clpeel.rendering.request import Progress, Request
 from clpeel.rendering.result import Clock, Result, Stats, stats_of
+from clpeel.scene.arrays import checked_opacity
 from clpeel.scene.camera import Camera
 from clpeel.scene.normals import with_normals
-from clpeel.scene.scene import Scene
+from clpeel.scene.scene import Scene, recolored
 from clpeel.stages.binning import Batch, Tiles, bin_triangles
 from clpeel.stages.composite import Finished, Picture
 from clpeel.stages.find_layers import STAGE as LAYERS_STAGE
@@ -36,7 +37,7 @@ from clpeel.stages.find_layers import Peeled, find_layers
 from clpeel.stages.frame import Frame
 from clpeel.stages.projection import Triangles, project
 from clpeel.stages.tiles import AtTile, Drawn
-from clpeel.stages.upload import DeviceScene, upload
+from clpeel.stages.upload import DeviceScene, upload, with_colors
 from clpeel.techniques import ERROR_BOUND
 from clpeel.techniques.precision import blending_bound
 
@@ -77,6 +78,8 @@ class Renderer:
         self.scene = scene
         self.gpu: Workspace = open_device(device, lanes)
         self._uploaded: dict[bool, DeviceScene] = {}
+        self._opacity: float | None = None
+        self._faded: dict[bool, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
         self._pictures: list[Picture] = []
         self._at_work: int | None = None  # the thread that is making a picture
         self._turn = Lock()
@@ -88,8 +91,18 @@ class Renderer:
         other = copy.copy(self)
         other.scene, other.gpu = scene, self.gpu.beside()
         other._uploaded, other._pictures, other._at_work, other._turn = {}, [], None, Lock()
+        other._opacity, other._faded = None, {}
         other._tests = False
         return other
+
+    def set_opacity(self, opacity: float | None) -> None:
+        """Replaces the alpha of every colour, 0..1, from the next picture on. None returns to the scene's own alphas.
+
+        Only colours are uploaded again. Raises InputError for anything else.
+        """
+        opacity = None if opacity is None else checked_opacity(opacity)
+        with self.working():
+            self._opacity, self._faded = opacity, {}
 
     @contextmanager
     def working(self) -> Iterator[None]:
@@ -171,7 +184,13 @@ class Renderer:
         if request.lit not in self._uploaded:
             scene = with_normals(self.scene) if request.lit else self.scene
             self._uploaded[request.lit] = upload(self.gpu, scene, request.lit)
-        return self._uploaded[request.lit]
+        held = self._uploaded[request.lit]
+        if self._opacity is None:
+            return held
+        if request.lit not in self._faded:
+            scene = recolored(held.scene, None, self._opacity)
+            self._faded[request.lit] = with_colors(self.gpu, held, scene)
+        return self._faded[request.lit]
 
     def _projected(self, scene: DeviceScene, request: Request) -> Triangles:
         request.report(0.0, "projecting")

@@ -272,4 +272,7 @@ def recolored(scene: Scene, color: Colors | None, opacity: float | None) -> Scen
         colors[..., 3] = round(level) if colors.dtype == np.uint8 else opacity
     fields: dict[str, Any] = {"face_colors": None, "vertex_colors": None, "color": None}
     fields["color" if colors.ndim == 1 else "vertex_colors" if scene.face_colors is None else "face_colors"] = colors
-    return replace(scene, **fields)
+    found = replace(scene, **fields)
+    if "bounds" in vars(scene):  # known already, and no colour changes them
+        vars(found)["bounds"] = scene.bounds
+    return found

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyopencl as cl
 
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
+from clpeel.scene.arrays import Colors
 from clpeel.scene.scene import Positions, Scene
 
 MOST_ITEMS = 2**31 // 3
@@ -49,12 +50,7 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False) -> DeviceScene:
             f"scene: expected at most {MOST_ITEMS:,} vertices and triangles, got {most:,}; render its parts"
         )
     grid = scene.positions()
-    if scene.vertex_colors is not None:
-        rate, colors = "vertex", scene.vertex_colors
-    elif scene.face_colors is not None:
-        rate, colors = "face", scene.face_colors
-    else:
-        rate, colors = "scene", np.atleast_2d(np.asarray(scene.color))
+    rate, colors = _palette(scene)
     arrays = {"positions": grid.hi, "faces": scene.faces, "palette": colors}
     if grid.lo is not None:
         arrays["low_positions"] = grid.lo
@@ -75,3 +71,27 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False) -> DeviceScene:
         surfaces=scene.surfaces,
         nbytes=sum(array.nbytes for array in arrays.values()),
     )
+
+
+def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
+    """Puts a scene on the device that differs from the one there in its colours alone. Only these are copied."""
+    rate, colors = _palette(scene)
+    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+    return replace(
+        held,
+        scene=scene,
+        palette=cl.Buffer(gpu.context, flags, hostbuf=np.ascontiguousarray(colors)),
+        color_rate=rate,
+        packed_color=colors.dtype == np.uint8,
+        surfaces=scene.surfaces,
+        nbytes=held.nbytes - int(held.palette.size) + colors.nbytes,
+    )
+
+
+def _palette(scene: Scene) -> tuple[str, Colors]:
+    """What has a colour of its own ("scene", "face" or "vertex"), and the colours [k, 4]."""
+    if scene.vertex_colors is not None:
+        return "vertex", scene.vertex_colors
+    if scene.face_colors is not None:
+        return "face", scene.face_colors
+    return "scene", np.atleast_2d(np.asarray(scene.color))

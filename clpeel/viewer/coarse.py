@@ -1,0 +1,78 @@
+"""A coarser scene, which stands for one with very many triangles while the hand moves.
+
+Vertices are clustered on a grid, as Rossignac and Borrel do ("Multi-resolution 3D approximations", 1993), and as VTK
+and ParaView do while their users move something.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.scene.scene import Scene
+
+FIRST_CELLS = 128
+"""Cells of the first grid along the scene's longest side. What it leaves tells how fine the grid can be."""
+
+MOST_CELLS = 1 << 20
+"""The most cells along a side: three such numbers fit into 64 bits."""
+
+
+def coarse_scene(scene: Scene, triangles: int) -> Scene:
+    """Return a scene of about so many triangles, at most, that looks like the scene from afar.
+
+    Triangles whose corners fall into fewer than three cells vanish, and of triangles with the same three cells the
+    first stays. A triangle keeps its colour; a corner gets the mean place of its cell, and the colour of the first
+    vertex there.
+    """
+    cells = FIRST_CELLS
+    for _ in range(2):
+        cell, faces, kept = _clustered(scene, cells)
+        cells = int(min(max(cells * (triangles / max(len(faces), 1)) ** 0.5, 2), MOST_CELLS))
+    while len(faces) > triangles and cells > 2:
+        cells = int(cells * 0.9)
+        cell, faces, kept = _clustered(scene, cells)
+    if not len(faces):
+        return scene
+    used = np.isfinite(scene.vertices).all(axis=1)
+    count = int(cell.max()) + 1
+    weight = np.maximum(np.bincount(cell[used], minlength=count), 1)
+    places = [np.bincount(cell[used], scene.vertices[used, axis], count) / weight for axis in range(3)]
+    first = np.zeros(count, np.int64)
+    first[cell[::-1]] = np.arange(len(cell))[::-1]  # the first of each cell is written last
+    return replace(
+        scene,
+        vertices=np.stack(places, axis=-1),
+        faces=faces.astype(np.int32),
+        face_colors=None if scene.face_colors is None else scene.face_colors[kept],
+        vertex_colors=None if scene.vertex_colors is None else scene.vertex_colors[first],
+        vertex_normals=None,
+    )
+
+
+def _clustered(scene: Scene, cells: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return each vertex's cell, int64 [n], numbered from 0; the faces between three cells, [m, 3]; and whose they are.
+
+    cells: of the grid, along the scene's longest side.
+    """
+    low, high = scene.bounds
+    step = float((high - low).max()) / cells or 1.0
+    with np.errstate(invalid="ignore", over="ignore"):
+        at = np.clip(np.nan_to_num((scene.vertices - low) / step), 0, MOST_CELLS - 1).astype(np.int64)
+    _, cell = np.unique((at[:, 0] << 40) | (at[:, 1] << 20) | at[:, 2], return_inverse=True)
+    cell = cell.reshape(-1).astype(np.int64)
+    finite = np.isfinite(scene.vertices).all(axis=1)
+    corners = cell[scene.faces]
+    a, b, c = corners.T
+    whole = np.flatnonzero((a != b) & (b != c) & (c != a) & finite[scene.faces].all(axis=1))
+    ordered = np.sort(corners[whole], axis=1)
+    count = max(int(cell.max()) + 1, 2)
+    if count**3 < 2**63:
+        key = (ordered[:, 0] * count + ordered[:, 1]) * count + ordered[:, 2]
+        _, first = np.unique(key, return_index=True)
+    else:
+        _, first = np.unique(ordered, axis=0, return_index=True)
+    kept = whole[np.sort(first)]
+    return cell, corners[kept], kept

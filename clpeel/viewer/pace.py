@@ -1,0 +1,63 @@
+"""The pace: which resolution keeps a frame within its time while the hand moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable
+
+FRAME = 0.040
+"""The most seconds that a frame may take while the hand moves."""
+
+AIM = 0.022
+"""The seconds that a reduced frame aims at. A hand that moves just after a frame has begun waits for two of them."""
+
+SHARP = 0.028
+"""A frame that takes at most so many seconds at full resolution is not reduced."""
+
+LEAST = 1 / 16
+"""The least scale: the width of a frame, as a share of the full picture's."""
+
+FIRST = 100_000
+"""Pixels of the first frame of a kind, when nothing is known about its time."""
+
+STEPS = 8
+"""Scales are 2^(-n / STEPS). Nearby scales are made one, so that buffers are not made anew for each frame."""
+
+
+class Pace:
+    """Learns the seconds of a frame: those that any frame of the scene takes, and those of a pixel.
+
+    Each kind of frame (a technique with its options, say) has its own seconds of a pixel.
+    """
+
+    def __init__(self) -> None:
+        self._fixed: dict[Hashable, float] = {}
+        self._pixel: dict[Hashable, float] = {}
+
+    def scale(self, kind: Hashable, pixels: int) -> float:
+        """Return the scale of the next frame, in LEAST..1. pixels: those of the full picture."""
+        if kind not in self._pixel:
+            return self._stepped(math.sqrt(FIRST / pixels))
+        fixed, each = self._fixed[kind], self._pixel[kind]
+        if fixed + each * pixels <= SHARP:
+            return 1.0
+        most = max(AIM - fixed, AIM / 8) / each
+        return self._stepped(math.sqrt(most / pixels))
+
+    def _stepped(self, scale: float) -> float:
+        if scale >= 1:
+            return 1.0
+        return max(2 ** (math.floor(math.log2(scale) * STEPS) / STEPS), LEAST)
+
+    def learn(self, kind: Hashable, pixels: int, fixed: float, rest: float) -> None:
+        """Take note of a frame's seconds. fixed: those of its geometry. rest: all others.
+
+        A slower frame counts fully at once, so that the next one is in time. A faster one counts by a fifth.
+        """
+        for known, value in ((self._fixed, fixed), (self._pixel, rest / pixels)):
+            old = known.get(kind, value)
+            known[kind] = value if value > 2 * old else old + (value - old) * (0.5 if value > old else 0.2)
+
+    def floor(self, kind: Hashable) -> float:
+        """Return the seconds that a frame takes however few pixels it has; 0 if nothing is known."""
+        return self._fixed.get(kind, 0.0)
