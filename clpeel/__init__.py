@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from clpeel.study.comparison import Interrupted as Interrupted
     from clpeel.study.complexity import Complexity as Complexity
     from clpeel.study.complexity import complexity as complexity
+    from clpeel.viewer.open import view as view
 
 __version__ = VERSION
 
@@ -50,6 +51,7 @@ _HOMES = {
     "load": "clpeel.reading.load",
     "load_layers": "clpeel.pictures.layers",
     "render": "clpeel.rendering.renderer",
+    "view": "clpeel.viewer.open",
     "warm_up": "clpeel.rendering.warm_up",
 }
 

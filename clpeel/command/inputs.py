@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from clpeel.checks import AXES
 from clpeel.command.values import Vector
+from clpeel.errors import InputError
 
 if TYPE_CHECKING:
     from clpeel.scene.camera import Camera
@@ -95,6 +96,36 @@ def load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
         return clpeel.load(*(clpeel.load(file, opacity=opacity, color=color) for file, opacity, color in each), **extra)
 
     return load, ", ".join(os.path.basename(name) for name in options.files)
+
+
+def load_demo(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
+    """Return a function that makes the built-in scene that the options ask for, and a name for it.
+
+    Without camera options, the options get those that show the demo well. Raises InputError if an option is wrong.
+    """
+    from clpeel.scene.demo import DIRECTION, ZOOM
+
+    if options.transparent_every is not None and not options.boxes:
+        raise InputError("--transparent-every: expected --boxes with it, got none")
+
+    def load() -> Scene:
+        import clpeel
+
+        if options.boxes:
+            from clpeel.scene.boxes import boxes_scene
+
+            scene = boxes_scene(options.transparent_every or 2)
+        else:
+            from clpeel.scene.demo import demo_scene
+
+            scene = demo_scene()
+        (opacity,), (color,) = options.opacity or [None], options.color or [None]
+        return scene if opacity is None and color is None else clpeel.load(scene, opacity=opacity, color=color)
+
+    if not (options.camera_position or options.camera_direction or options.up):
+        options.camera_direction = DIRECTION
+        options.camera_zoom_factor = options.camera_zoom_factor or (None if options.boxes else ZOOM)
+    return load, "the boxes" if options.boxes else "the demo"
 
 
 def _for_each(given: list[T], count: int) -> list[T]:

@@ -53,6 +53,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "render": _in("render", "run_render"),
     "layers": _in("render", "run_layers"),
     "demo": _in("render", "run_demo"),
+    "view": _in("view", "run_view"),
     "compare": _in("study", "run_compare"),
     "complexity": _in("study", "run_complexity"),
     "warm-up": _in("warm_up", "run_warm_up"),

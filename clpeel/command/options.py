@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from typing import Literal
 
 from clpeel.command import values
 from clpeel.options import Option, options_of
@@ -16,10 +18,10 @@ METHOD = ("opaque", "depth_format", "execution")
 """The options of all pictures, by name."""
 
 
-def add_files(parser: argparse.ArgumentParser, done: str) -> None:
-    """Add the options of all commands that read files."""
+def add_files(parser: argparse.ArgumentParser, done: str, none: Literal["+", "*"] = "+") -> None:
+    """Add the options of all commands that read files. none: "*" if there may be no file."""
     group = parser.add_argument_group("files")
-    group.add_argument("files", nargs="+", metavar="FILE", help=f"mesh file; several are {done} together")
+    group.add_argument("files", nargs=none, metavar="FILE", help=f"mesh file; several are {done} together")
     text = "leave out faces whose corners are those of an earlier face"
     group.add_argument("--drop-duplicates", action="store_true", help=text)
 
@@ -47,6 +49,43 @@ def add_layers_options(parser: argparse.ArgumentParser) -> None:
     _add_view_options(parser, group, "1024,1024", samples=1)
 
 
+def add_live_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `view`: those of `render` that say what is seen, and where it is shown."""
+    add_files(parser, "shown", none="*")
+    add = parser.add_argument_group("built-in scenes, in place of files").add_argument
+    add("--demo", action="store_true", help="nested, intersecting, translucent surfaces")
+    _add_boxes(add)
+    add = parser.add_argument_group("screen").add_argument
+    text = "window, browser or notebook (default: a window where there is a display, else a page for a browser)"
+    add("--backend", metavar="NAME", help=text)
+    text = "address that the page is served on (default: 127.0.0.1, this machine alone)"
+    add("--host", default="127.0.0.1", metavar="ADDRESS", help=text)
+    add("--port", type=values.port, default=0, metavar="N", help="of the page (default: any that is free)")
+    add("--no-open", action="store_true", help="do not open the page, only print its address")
+    add("--turn", action="store_true", help="turn the scene from the start (default with --boxes); Space stops it")
+    group = parser.add_argument_group("picture")
+    _add_scene_options(group, "1024,768", "of a window; a page fills its browser")
+    group.add_argument("--no-background", action="store_true", help="a transparent background, shown over grey")
+    _add_camera_options(parser)
+    group = parser.add_argument_group("method")
+    _add_technique_options(group)
+    add_option(group, PICTURE["samples"], 1)
+    _add_device_options(group)
+    group = parser.add_argument_group("messages")
+    _add_messages_options(group)
+
+
+def add_boxes_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `demo` that choose another scene."""
+    _add_boxes(parser.add_argument_group("scene").add_argument)
+
+
+def _add_boxes(add: Callable[..., object]) -> None:
+    add("--boxes", action="store_true", help="10 x 10 x 10 boxes, some of them transparent")
+    text = "of the boxes, each N-th is transparent; 1 makes all so (default: 2)"
+    add("--transparent-every", type=values.count, metavar="N", help=text)
+
+
 def _add_view_options(
     parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int
 ) -> None:
@@ -62,7 +101,7 @@ def _add_view_options(
     _add_messages_options(group)
 
 
-def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
+def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str = "in pixels") -> None:
     """Add the options of the picture's size and of the scene's colours."""
     add = group.add_argument
     add(
@@ -70,7 +109,7 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str) -> None:
         type=values.resolution,
         default=resolution,
         metavar="W,H",
-        help=f"width and height in pixels (default: {resolution})",
+        help=f"width and height {of} (default: {resolution})",
     )
     add(
         "--background-color",
@@ -120,16 +159,21 @@ def _add_camera_options(parser: argparse.ArgumentParser) -> None:
 def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
     """Add the options of all commands that render: how they do it, and what they say."""
     group = parser.add_argument_group("method")
-    text = "default: sort, exact; auto: what this picture needs; 'clpeel techniques' lists them"
-    group.add_argument("--technique", default="sort", metavar="NAME", help=text)
+    _add_technique_options(group)
     text = "with auto: what it chose, why, and what others would have cost"
     group.add_argument("--explain", action="store_true", help=text)
-    for each in (*technique_options().values(), *(PICTURE[name] for name in METHOD)):
-        add_option(group, each)
     text = "write the map of techniques that make one, as an array of NumPy: a row for each row of pixels"
     group.add_argument("--map", metavar="FILE.npy", help=text)
     add_option(group, PICTURE["samples"], samples)
     _add_device_options(group)
+
+
+def _add_technique_options(group: argparse._ArgumentGroup) -> None:
+    """Add the technique, and the options of techniques and of all pictures that stand beside it."""
+    text = "default: sort, exact; auto: what this picture needs; 'clpeel techniques' lists them"
+    group.add_argument("--technique", default="sort", metavar="NAME", help=text)
+    for each in (*technique_options().values(), *(PICTURE[name] for name in METHOD)):
+        add_option(group, each)
 
 
 def technique_options() -> dict[str, Option]:

@@ -40,6 +40,11 @@ Draw mesh files by every technique and set the pictures beside what blending the
 the times beside each other. Ctrl-C ends it with the rows that are finished.
 """
 
+VIEW = """\
+Look at mesh files. Drag to rotate, turn the wheel to zoom, press H for all keys. While the hand moves, frames are as
+fine as time allows; once it rests, the picture is the one that 'clpeel render' makes. Needs: pip install 'clpeel[view]'
+"""
+
 DEVICES = """\
 List the OpenCL devices in the order of preference, with a star at the one that is used by default, and the drivers that
 offer no device. Before its first picture each set of kernels draws known layers. --check makes this test on each device
@@ -75,6 +80,12 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
         "compare the techniques: time, memory, and error against float64",
         "FILE... [--html FILE] [options]",
         COMPARE,
+        None,
+    ),
+    "view": (
+        "look at mesh files, live: in a window, or in a browser",
+        "FILE... [options]",
+        VIEW,
         None,
     ),
     "demo": (
@@ -212,7 +223,9 @@ def _add_options(parser: Parser) -> None:
     options.add_layers_options(of["layers"])
     options.add_complexity_options(of["complexity"])
     options.add_compare_options(of["compare"])
+    options.add_live_options(of["view"])
     options.add_picture_options(of["demo"], output="demo.png", resolution="1200,900", samples=16)
+    options.add_boxes_options(of["demo"])
     options.add_warm_up_options(of["warm-up"])
     options.add_check_options(of["devices"])
     for name in TABLES:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from clpeel.command.inputs import load_files, make_camera
+from clpeel.command.inputs import load_demo, load_files, make_camera
 from clpeel.command.options import METHOD, technique_options
 from clpeel.command.outputs import (
     LAYER_FILES,
@@ -41,23 +41,7 @@ def run_layers(options: argparse.Namespace) -> int:
 
 
 def run_demo(options: argparse.Namespace) -> int:
-    def load() -> Scene:
-        from clpeel.scene.demo import demo_scene
-
-        scene = demo_scene()
-        if options.opacity is None and options.color is None:
-            return scene
-        import clpeel
-
-        (opacity,), (color,) = options.opacity or [None], options.color or [None]
-        return clpeel.load(scene, opacity=opacity, color=color)
-
-    from clpeel.scene.demo import DIRECTION, ZOOM
-
-    if not (options.camera_position or options.camera_direction or options.up):
-        options.camera_direction = DIRECTION
-        options.camera_zoom_factor = options.camera_zoom_factor or ZOOM
-    return _render(options, load, "the demo")
+    return _render(options, *load_demo(options))
 
 
 def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, layers: bool = False) -> int:
@@ -137,7 +121,7 @@ def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
     return found
 
 
-def _given(options: argparse.Namespace, layers: bool) -> dict[str, Any]:
+def given_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return the given options of `clpeel.render`, without those of the camera and the device."""
     names = (*technique_options(), *METHOD, "samples", "memory")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
@@ -146,9 +130,12 @@ def _given(options: argparse.Namespace, layers: bool) -> dict[str, Any]:
         "size": options.resolution,
         "background": None if options.no_background else options.background_color,
         "lighting": "none" if options.unlit else "headlight",
-        "keep_color": False,
-        **({"layers": True} if layers else {}),
     }
+
+
+def _given(options: argparse.Namespace, layers: bool) -> dict[str, Any]:
+    """Return the options of `given_options`, and what the command needs of the result."""
+    return {**given_options(options), "keep_color": False, **({"layers": True} if layers else {})}
 
 
 def _check_request(options: argparse.Namespace, layers: bool) -> None:

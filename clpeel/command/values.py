@@ -99,6 +99,17 @@ def surface_color(text: str) -> object:
         raise argparse.ArgumentTypeError(f"{error}{hint}") from None
 
 
+def port(text: str) -> int:
+    """Read the number of a port, 0..65535; 0 stands for any that is free."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if not 0 <= value < 1 << 16:
+        raise argparse.ArgumentTypeError(f"expected a whole number 0..65535, got '{text}'")
+    return value
+
+
 def counts(text: str) -> tuple[int, ...]:
     """Read whole numbers of 1 or more, with commas between them."""
     try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import logging
 import secrets
 import socket
 import threading
@@ -222,6 +223,7 @@ class Server:
         own = resources(title)
         self._canvas = BrowserCanvas(viewer)
         http.asgi._resources = own
+        logging.getLogger("rendercanvas").setLevel(logging.ERROR)  # it reports Ctrl-C as a warning
         config = uvicorn.Config(
             self._app(Guard(http.asgi, token, host)),
             log_level="warning",

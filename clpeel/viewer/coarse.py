@@ -63,7 +63,7 @@ def _clustered(scene: Scene, cells: int) -> tuple[NDArray[np.int64], NDArray[np.
         at = np.clip(np.nan_to_num((scene.vertices - low) / step), 0, MOST_CELLS - 1).astype(np.int64)
     _, cell = np.unique((at[:, 0] << 40) | (at[:, 1] << 20) | at[:, 2], return_inverse=True)
     cell = cell.reshape(-1).astype(np.int64)
-    finite = np.isfinite(scene.vertices).all(axis=1)
+    finite = np.asarray(np.isfinite(scene.vertices).all(axis=1))
     corners = cell[scene.faces]
     a, b, c = corners.T
     whole = np.flatnonzero((a != b) & (b != c) & (c != a) & finite[scene.faces].all(axis=1))

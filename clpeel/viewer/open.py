@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -48,6 +48,7 @@ def view(
     device: int | str | None = None,
     lanes: int | None = None,
     source: Source | None = None,
+    warn: Callable[[str], None] | None = None,
     **options: Any,
 ) -> object:
     """Look at a scene.
@@ -59,6 +60,7 @@ def view(
     the widget, in logical pixels; a page fills its browser. turning: whether the scene turns by itself. host, port,
     open_page: of the page: the address it listens on, 0 for any free port, and whether to open it in the user's
     browser. title: of the window or the page. source: the command that the key C prints; by default it prints Python.
+    warn: takes errors while the scene is looked at, a line each; by default they go to standard error.
 
     Raises InputError if an option is wrong, or if the backend lacks a package or cannot open its window.
     """
@@ -72,11 +74,11 @@ def view(
     shown.check()
     from clpeel.viewer.viewer import Viewer
 
-    viewer = Viewer(scene, shown, device, lanes, source)
+    viewer = Viewer(scene, shown, device, lanes, source, warn=warn or (lambda text: print(text, file=sys.stderr)))
     if chosen == "browser":
         from clpeel.viewer.browser import serve
 
-        serve(viewer, title, host, port, open_page, print)
+        serve(viewer, title, host, port, open_page and has_display(), print)
         return None
     if chosen == "notebook":
         from clpeel.viewer.notebook import widget

@@ -49,7 +49,8 @@ class Screen(Protocol):
 class Viewer:
     """A scene that is looked at. Screens give it events, and it gives them frames.
 
-    say: takes lines for whoever started it. source: where the scene came from, for the command line.
+    say: takes lines for whoever started it, and warn takes errors. source: where the scene came from, for the command
+    line.
     """
 
     def __init__(
@@ -60,10 +61,11 @@ class Viewer:
         lanes: int | None = None,
         source: Source | None = None,
         say: Callable[[str], None] = print,
+        warn: Callable[[str], None] = print,
     ) -> None:
         view.check()
         self.renderer = Renderer(scene, device, lanes)
-        self._source, self._say = source, say
+        self._source, self._say, self._warn = source, say, warn
         self._lock = threading.RLock()
         alpha = float(np.mean(as_float(scene.colors)[..., 3]))
         self._controls = Controls(view, radius_of(scene.bounds), round(alpha, 2), self, SCREEN)
@@ -176,7 +178,7 @@ class Viewer:
     def _on_error(self, view: View, error: Exception) -> None:
         text = next(iter(str(error).splitlines()), "") or type(error).__name__
         self._notice = text if isinstance(error, ClpeelError) else f"{type(error).__name__}: {text}"
-        self._say(f"error: {self._notice}")
+        self._warn(f"error: {self._notice}")
         self.refresh()
 
     def _turn(self) -> None:
