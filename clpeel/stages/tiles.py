@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -19,8 +20,11 @@ from clpeel.stages.projection import Triangles
 GROUPS_A_UNIT = 16
 """Work-groups for each compute unit, on devices whose units switch between groups. Each group has its own slab."""
 
-REPORTED_PAIRS = 1 << 18
-"""How many records in tiles are drawn between two reports of progress. It takes some tenths of a second."""
+FIRST_PAIRS, MOST_PAIRS = 1 << 14, 1 << 18
+"""How many records in tiles are drawn between two reports of progress: at first, and at most."""
+
+REPORT_SECONDS = 0.01
+"""The seconds between two reports that are aimed at. Whoever reports may give the picture up, and should soon."""
 
 AtTile = Callable[[int], None]
 """Called now and then as a batch is drawn, with a tile number of the picture: the batch is done up to that tile."""
@@ -90,9 +94,10 @@ def draw_tiles(
     at_tile: if given, tiles are drawn in parts, and it is called after each part (AtTile). This waits for the device.
     """
     done = np.cumsum(batch.tile_pairs)
+    part = FIRST_PAIRS if at_tile else int(done[-1]) + 1
     tile = 0
     while tile < batch.tiles:
-        part = REPORTED_PAIRS if at_tile else int(done[-1]) + 1
+        begun = time.perf_counter()
         stop = max(int(np.searchsorted(done, done[tile] + part)), tile + 1)
         launch(
             gpu,
@@ -107,6 +112,8 @@ def draw_tiles(
         tile = stop
         if at_tile:
             gpu.queue.finish()
+            late = time.perf_counter() - begun > REPORT_SECONDS
+            part = part // 2 + 1 if late else min(2 * part, MOST_PAIRS)
             at_tile(batch.first_tile + tile)
 
 

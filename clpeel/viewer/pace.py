@@ -33,6 +33,7 @@ class Pace:
     def __init__(self) -> None:
         self._fixed: dict[Hashable, float] = {}
         self._pixel: dict[Hashable, float] = {}
+        self._seen: set[Hashable] = set()
 
     def scale(self, kind: Hashable, pixels: int) -> float:
         """Return the scale of the next frame, in LEAST..1. pixels: those of the full picture."""
@@ -52,12 +53,14 @@ class Pace:
     def learn(self, kind: Hashable, pixels: int, fixed: float, rest: float) -> None:
         """Take note of a frame's seconds. fixed: those of its geometry. rest: all others.
 
-        A slower frame counts fully at once, so that the next one is in time. A faster one counts by a fifth.
+        The first frame of a kind teaches nothing, as it may have compiled kernels. A slower frame counts by two thirds,
+        so that the next ones are in time, but as no more than three times as slow: it may have been held up by others.
+        A faster one counts by a third.
         """
+        if kind not in self._seen:
+            self._seen.add(kind)
+            return
         for known, value in ((self._fixed, fixed), (self._pixel, rest / pixels)):
             old = known.get(kind, value)
-            known[kind] = value if value > 2 * old else old + (value - old) * (0.5 if value > old else 0.2)
-
-    def floor(self, kind: Hashable) -> float:
-        """Return the seconds that a frame takes however few pixels it has; 0 if nothing is known."""
-        return self._fixed.get(kind, 0.0)
+            value = min(value, 3 * old)
+            known[kind] = old + (value - old) * (2 / 3 if value > old else 1 / 3)

@@ -20,14 +20,17 @@ from clpeel.viewer.motion import Place, focused, through
 from clpeel.viewer.pace import AIM, Pace
 from clpeel.viewer.view import LAYER_COUNT, View
 
-REST = 0.1
+REST = 0.08
 """Seconds without a new view after which the hand rests. The full picture is then drawn, and comes soon after."""
 
-GEOMETRY = ("projection", "binning", "host")
-"""The stages whose time does not depend on the resolution."""
+GEOMETRY = ("projection", "binning")
+"""The stages whose time hardly depends on the resolution."""
 
-HEAVY = AIM / 2
+HEAVY = 0.6 * AIM
 """If the geometry alone takes more seconds than this, frames are drawn of a coarser scene while the hand moves."""
+
+HEAVY_FRAMES = 5
+"""So many frames in a row must show that the geometry is heavy, as any one of them may have been held up."""
 
 
 class _Newer(Exception):
@@ -75,6 +78,7 @@ class Painter:
         self._pace = Pace()
         self._coarse: Renderer | None = None
         self._coarsening: threading.Thread | None = None
+        self._heavy = 0  # frames in a row whose geometry was
         self._changed = threading.Condition()
         self._view: View | None = None
         self._number = 0  # of the latest view
@@ -171,11 +175,11 @@ class Painter:
         size = (max(round(width * scale), 1), max(round(height * scale), 1))
         small = replace(view, size=size).with_option("samples", None)
         frame = replace(self._paint(renderer, small), view=view, scale=scale, coarse=renderer is self._coarse)
-        fixed = sum(frame.stats.seconds.get(stage, 0.0) for stage in GEOMETRY)
-        fixed = min(fixed, frame.seconds)
-        self._pace.learn(kind, size[0] * size[1], fixed, frame.seconds - fixed)
-        if self._pace.floor(kind) > HEAVY and self._coarsening is None:
-            self._coarsening = threading.Thread(target=self._coarsen, args=(fixed,), daemon=True)
+        geometry = min(sum(frame.stats.seconds.get(stage, 0.0) for stage in GEOMETRY), frame.seconds)
+        self._pace.learn(kind, size[0] * size[1], geometry, frame.seconds - geometry)
+        self._heavy = self._heavy + 1 if geometry > HEAVY and not frame.coarse else 0
+        if self._heavy >= HEAVY_FRAMES and self._coarsening is None:
+            self._coarsening = threading.Thread(target=self._coarsen, args=(geometry,), daemon=True)
             self._coarsening.start()
         return frame
 
@@ -207,10 +211,10 @@ class Painter:
             image, stats = drawn.image, drawn.stats
         return Frame(view, image, stats, False, 1.0, time.perf_counter() - begun, errors=errors)
 
-    def _coarsen(self, fixed: float) -> None:
-        """Make the coarser scene, whose geometry takes HEAVY seconds if this scene's takes `fixed`."""
+    def _coarsen(self, geometry: float) -> None:
+        """Make the coarser scene, whose geometry takes HEAVY / 2 seconds if this scene's takes `geometry`."""
         scene = self._renderer.scene
-        coarse = coarse_scene(scene, max(int(len(scene.faces) * HEAVY / fixed), 1000))
+        coarse = coarse_scene(scene, max(int(len(scene.faces) * HEAVY / 2 / geometry), 1000))
         if len(coarse.faces) < len(scene.faces) / 1.5:
             self._coarse = self._renderer.beside(coarse)
 

@@ -176,7 +176,8 @@ def test_little_memory_and_progress_change_nothing(lanes: int, monkeypatch: pyte
     scene = some_opaque(soups.random(5, 3000, "small"), 0.1, 5).scene()
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (500, 400), "lanes": lanes}
     want = clpeel.complexity(scene, **call)
-    monkeypatch.setattr(clpeel.stages.tiles, "REPORTED_PAIRS", 500)
+    monkeypatch.setattr(clpeel.stages.tiles, "MOST_PAIRS", 500)
+    monkeypatch.setattr(clpeel.stages.tiles, "FIRST_PAIRS", 500)
     monkeypatch.setattr(clpeel.stages.counting, "TILE_BYTES", 4000)
     told: list[tuple[float, str]] = []
     got = clpeel.complexity(scene, **call, memory="1M", progress=lambda done, text: told.append((done, text)))
