@@ -16,23 +16,24 @@ from clpeel.scene.scene import Scene
 FIRST_CELLS = 128
 """Cells of the first grid along the scene's longest side. What it leaves tells how fine the grid can be."""
 
-MOST_CELLS = 1 << 20
-"""The most cells along a side: three such numbers fit into 64 bits."""
+LEAST_CELLS, MOST_CELLS = 2, 1 << 20
+"""The fewest and the most cells along a side: three numbers of the latter fit into 64 bits."""
 
 
 def coarse_scene(scene: Scene, triangles: int) -> Scene:
-    """Return a scene of about so many triangles, at most, that looks like the scene from afar.
+    """Return a scene of at most so many triangles, as far as LEAST_CELLS allow, that looks like the scene from afar.
 
     Triangles whose corners fall into fewer than three cells vanish, and of triangles with the same three cells the
     first stays. A triangle keeps its colour; a corner gets the mean place of its cell, and the colour of the first
     vertex there.
     """
     cells = FIRST_CELLS
-    for _ in range(2):
+    cell, faces, kept = _clustered(scene, cells)
+    for _ in range(2):  # a surface has as many cells as their number along a side, squared
+        cells = int(min(max(cells * (triangles / max(len(faces), 1)) ** 0.5, LEAST_CELLS), MOST_CELLS))
         cell, faces, kept = _clustered(scene, cells)
-        cells = int(min(max(cells * (triangles / max(len(faces), 1)) ** 0.5, 2), MOST_CELLS))
-    while len(faces) > triangles and cells > 2:
-        cells = int(cells * 0.9)
+    while len(faces) > triangles and cells > LEAST_CELLS:
+        cells = int(cells * 0.95)
         cell, faces, kept = _clustered(scene, cells)
     if not len(faces):
         return scene
@@ -60,7 +61,7 @@ def _clustered(scene: Scene, cells: int) -> tuple[NDArray[np.int64], NDArray[np.
     low, high = scene.bounds
     step = float((high - low).max()) / cells or 1.0
     with np.errstate(invalid="ignore", over="ignore"):
-        at = np.clip(np.nan_to_num((scene.vertices - low) / step), 0, MOST_CELLS - 1).astype(np.int64)
+        at = np.clip(np.nan_to_num((scene.vertices - low) / step), 0, cells - 1).astype(np.int64)
     _, cell = np.unique((at[:, 0] << 40) | (at[:, 1] << 20) | at[:, 2], return_inverse=True)
     cell = cell.reshape(-1).astype(np.int64)
     finite = np.asarray(np.isfinite(scene.vertices).all(axis=1))
