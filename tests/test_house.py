@@ -23,7 +23,8 @@ STAIRS: dict[str, tuple[str, ...]] = {
     "techniques": ("device.layout",),
     "rendering": ("scene", "pictures", "device", "stages", "techniques"),
     "study": ("scene", "pictures", "device", "stages", "techniques", "rendering"),
-    "command": ("scene", "pictures", "reading", "device", "stages", "techniques", "rendering", "study"),
+    "viewer": ("scene", "pictures", "techniques", "rendering", "study"),
+    "command": ("scene", "pictures", "reading", "device", "stages", "techniques", "rendering", "study", "viewer"),
 }
 """What each package may import besides the root and itself. Nothing here runs up."""
 

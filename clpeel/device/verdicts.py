@@ -30,6 +30,9 @@ Parts = frozenset[str]
 A name may end with a digest of the sources, in brackets: `sort: lanes 1 [0123456789abcdef]`.
 """
 
+_TEST = 2
+"""Rises when the tests themselves are mended, so that no verdict of an earlier one is believed."""
+
 _DIGEST = 16
 _MOST_BYTES = 1 << 24
 """Of the file. A line takes some hundred bytes, so nobody's file is that long."""
@@ -49,14 +52,19 @@ class Verdict:
         """The verdict as a line of the file, without the line break."""
         told = "\t".join(re.sub(r"\s+", " ", text) for text in (self.kind, str(self.lanes), self.reason))
         told = "\t".join([told, *(re.sub(r"\s+", " ", part) for part in sorted(self.parts))])
-        return f"{key_of(told)[:_DIGEST]}\t{told}"
+        return f"{_digest(told)}\t{told}"
+
+
+def _digest(told: str) -> str:
+    """The digest of a line's text."""
+    return key_of(f"{_TEST}\t{told}")[:_DIGEST]
 
 
 def _verdict(line: str) -> Verdict | None:
     """The verdict that a line has; None if the line is none, or is damaged."""
     digest, _, told = line.partition("\t")
     words = told.split("\t")
-    if digest != key_of(told)[:_DIGEST] or len(words) < 4 or words[0] not in get_args(Kind):
+    if digest != _digest(told) or len(words) < 4 or words[0] not in get_args(Kind):
         return None
     kind: Kind = "right" if words[0] == "right" else "close" if words[0] == "close" else "wrong"
     return Verdict(kind, int(words[1]), frozenset(words[3:]), words[2])

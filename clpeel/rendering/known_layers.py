@@ -262,13 +262,26 @@ def blended(stack: Stack, kept: NDArray[np.bool_]) -> Floats:
 
 def peeled(stack: Stack, technique: AnyTechnique, options: Options) -> NDArray[np.bool_]:
     """Which layers a technique that sorts takes: so many from the front, and so many from the back."""
-    kept = stack.transparent
-    if getattr(options, "coincident", "keep") == "paper":
-        kept = kept & ~stack.coincident
+    kept = peelable(stack, options)
     front, back = technique.peeled(options) or (0, 0)
     from_front = np.cumsum(kept, axis=1)
     from_back = from_front[:, -1:] - from_front + 1
     return kept & ((from_front <= front) | (from_back <= back))
+
+
+def peelable(stack: Stack, options: Options) -> NDArray[np.bool_]:
+    """Which layers there are to peel: all that are transparent, or the first of each distance."""
+    first_alone = getattr(options, "coincident", "keep") == "paper"
+    return stack.transparent & ~stack.coincident if first_alone else stack.transparent
+
+
+def lost(stack: Stack, technique: AnyTechnique, options: Options) -> Floats:
+    """The transmittance in front of the first layer that no pass reaches, or 0 where there is none: [samples]."""
+    there = peelable(stack, options)
+    missed = there & ~peeled(stack, technique, options)
+    before = np.cumsum(missed, axis=1) == 0
+    through = np.where(there & before, 1 - stack.color[..., 3], 1.0).prod(axis=1)
+    return np.where(missed.any(axis=1), through, 0.0)
 
 
 def in_order(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:

@@ -34,6 +34,7 @@ from clpeel.rendering.known_layers import (
     Floats,
     Stack,
     Wanted,
+    lost,
     peeled,
     stack_of,
 )
@@ -320,7 +321,9 @@ def _compared(result: Result, test: _Test, lacking: str) -> tuple[Kind, str]:
         slack = bound
         if getattr(test.options, "max_error", None) is not None:
             skipped = result.map(ERROR_BOUND)  # with what rounding may do
-            found.expect("error_bound", skipped, np.zeros_like(shown[..., 0]), MAX_ERROR + result.rounding)
+            most = means(np.maximum(MAX_ERROR, lost(stack, technique, test.options)))
+            most += result.rounding + LAYERS * ROUNDING  # the bound has the first, and is a product of float32 itself
+            found.expect("error_bound", skipped, np.zeros_like(shown[..., 0]), most)
             slack = bound + skipped
         found.expect("colour", result.color, shown, slack[..., None])
         found.image(result.image, shown, test.given["background"], slack)

@@ -121,6 +121,8 @@ class Controls:
         """Return the view with as many passes as the latest picture took, if no query ends them; else with no limit."""
         if value is False:
             return view.with_option("passes", view.options.get("passes", max(self.passes, 1)))
+        if value is not True and value is not None:
+            return view  # wrong: whoever checks it says so
         return view.with_option("passes", None).with_option("occlusion_query", None)
 
     def look(self, camera: Camera | None) -> None:
