@@ -207,7 +207,9 @@ class Controls:
     def _needs(self, option: str) -> None:
         if option not in option_names(self.view.technique):
             having = [name for name in TECHNIQUES if option in option_names(name)]
-            raise InputError(f"{option}: {self.view.technique} has no such option; {', '.join(having)} have it")
+            raise InputError(
+                f"{option}: expected a technique that has it, {', '.join(having)}; got {self.view.technique}"
+            )
 
     def _next_background(self) -> None:
         row = (self.home.background, *(each for each in BACKGROUNDS if each != self.home.background))

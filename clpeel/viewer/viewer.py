@@ -108,17 +108,17 @@ class Viewer:
 
     def _change(self, change: Callable[[], None], first: bool = False) -> None:
         with self._lock:
-            before, notice, self._notice = self._controls.view, self._notice, ""
+            before, notice, self._notice, failed = self._controls.view, self._notice, "", False
             try:
                 change()
             except ClpeelError as error:
-                self._notice = str(error)
+                self._notice, failed = str(error), True
             after = self._controls.view
             if after.turning and not before.turning:
                 self._turned = time.monotonic()
         if after is not before or first:
             self._painter.show(after)
-        elif notice != self._notice:
+        elif failed or notice != self._notice:
             self.refresh()
 
     def refresh(self) -> None:
