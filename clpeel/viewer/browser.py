@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import io
 import json
-import logging
 import secrets
 import socket
 import threading
@@ -223,7 +222,7 @@ class Server:
         own = resources(title)
         self._canvas = BrowserCanvas(viewer)
         http.asgi._resources = own
-        logging.getLogger("rendercanvas").setLevel(logging.ERROR)  # it reports Ctrl-C as a warning
+        http.loop._BaseLoop__hook_data = None, {}  # else it takes Ctrl-C for itself, and the server does not end
         config = uvicorn.Config(
             self._app(Guard(http.asgi, token, host)),
             log_level="warning",
