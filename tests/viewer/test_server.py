@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import os
@@ -57,20 +58,32 @@ class Served:
 
     def socket(self, **options: Any) -> Any:
         """A page's socket."""
-        given = {"origin": f"http://{self.parts.netloc}", "compression": None, "max_size": None, "open_timeout": 20}
+        given = {
+            "origin": f"http://{self.parts.netloc}",
+            "compression": None,
+            "max_size": None,
+            "max_queue": None,
+            "open_timeout": 20,
+        }
         return client.connect(self.address.replace("http", "ws", 1), **{**given, **options})
 
     def get(self, path: str, method: str = "GET", **headers: str) -> tuple[int, bytes]:
         """The status and the text of an answer."""
         asked = http.client.HTTPConnection(self.parts.hostname or "", self.parts.port or 0, timeout=20)
-        asked.request(method, path, headers=headers)
-        answer = asked.getresponse()
-        return answer.status, answer.read()
+        with contextlib.closing(asked):
+            asked.request(method, path, headers=headers)
+            answer = asked.getresponse()
+            return answer.status, answer.read()
 
     def end(self, how: int = signal.SIGINT) -> tuple[int, str, str]:
         """Ends it. Returns its exit code, and what it printed."""
         self.process.send_signal(how)
-        out, err = self.process.communicate(timeout=30)
+        try:
+            out, err = self.process.communicate(timeout=30)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
+            raise
         return self.process.returncode, out, err
 
 
@@ -227,10 +240,9 @@ def until(page: Any, technique: str) -> None:
 
 
 def test_the_first_page_steers_the_second_looks_on_and_takes_over(served: Served) -> None:
-    first = served.socket()
-    send(first, RESIZE)
-    settled(first)
-    with served.socket() as second:
+    with served.socket() as first, served.socket() as second:
+        send(first, RESIZE)
+        settled(first)
         send(second, {**RESIZE, "pwidth": 30}, {**KEY, "key": "3"})  # nobody listens to it
         send(first, {**KEY, "key": "2"})
         until(first, "depth-peeling")
@@ -276,15 +288,13 @@ def test_pages_that_vanish_leave_the_server_well(served: Served) -> None:
 
 
 def test_too_many_pages_are_told_to_come_later(served: Served) -> None:
-    pages = [served.socket() for _ in range(16)]
-    try:
+    with contextlib.ExitStack() as pages:
+        for _ in range(16):
+            pages.enter_context(served.socket())
         with served.socket() as late, pytest.raises(ConnectionClosed) as closed:
             while True:
                 late.recv(timeout=20)
         assert closed.value.rcvd.code == 1013
-    finally:
-        for page in pages:
-            page.close()
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
         try:
