@@ -240,12 +240,14 @@ class Server:
         async def started(scope: Any, receive: Any, send: Any) -> None:
             if scope["type"] == "lifespan":
                 self._canvas.start()
+                self._on_start()
             await app(scope, receive, send)
 
         return started
 
-    def run(self) -> None:
-        """Serve until Ctrl-C, or until `stop`."""
+    def run(self, on_start: Callable[[], None] = lambda: None) -> None:
+        """Serve until Ctrl-C, or until `stop`. on_start: called once signals are taken care of and pages can come."""
+        self._on_start = on_start
         self._server.run(sockets=[self._socket])
 
     def stop(self) -> None:
@@ -256,11 +258,14 @@ class Server:
 def serve(viewer: Viewer, title: str, host: str, port: int, open_page: bool, say: Callable[[str], None]) -> None:
     """Serve the viewer's page until Ctrl-C. open_page: also open it in the user's browser."""
     server = Server(viewer, title, host, port)
-    say(f"open {server.address} (Ctrl-C ends)")
-    if open_page:
-        threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
+
+    def started() -> None:
+        say(f"open {server.address} (Ctrl-C ends)")
+        if open_page:
+            threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
+
     try:
-        server.run()
+        server.run(started)
     except KeyboardInterrupt:
         pass
     finally:
