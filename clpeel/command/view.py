@@ -32,7 +32,7 @@ def run_view(options: argparse.Namespace) -> int:
 
     backend = checked_backend(options.backend)
     given = given_options(options)
-    checked_options(options.technique, given)
+    checked_options(options.technique, given)  # before files are read
     find_device(options.device)
     progress = Progress(enabled=not (options.quiet or options.no_progress))
     progress(0.0, f"reading {name}")

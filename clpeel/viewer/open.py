@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 from clpeel.checks import checked_size, one_of
 from clpeel.errors import InputError
 from clpeel.rendering.options import Lighting, Size
+from clpeel.rendering.request import checked_options
 from clpeel.scene.camera import Camera
 from clpeel.scene.scene import Scene
 from clpeel.viewer.view import View
@@ -70,8 +71,8 @@ def view(
     chosen = checked_backend(backend)
     if camera is None:
         camera = Camera.frame(scene, aspect=size[0] / size[1])
+    checked_options(technique, {"size": size, "background": background, "lighting": lighting, **options})
     shown = View(camera, size, technique, options, background, lighting, turning=turning)
-    shown.check()
     from clpeel.viewer.viewer import Viewer
 
     viewer = Viewer(scene, shown, device, lanes, source, warn=warn or (lambda text: print(text, file=sys.stderr)))
