@@ -102,7 +102,8 @@ class Renderer:
         """
         opacity = None if opacity is None else checked_opacity(opacity)
         with self.working():
-            self._opacity, self._faded = opacity, {}
+            if opacity != self._opacity:
+                self._opacity, self._faded = opacity, {}
 
     @contextmanager
     def working(self) -> Iterator[None]:

@@ -217,7 +217,7 @@ class Server:
             raise InputError(f"--host {host}, --port {port}: expected a free port of this machine: {reason}") from None
         token = secrets.token_urlsafe(24)
         self.port: int = self._socket.getsockname()[1]
-        name = f"[{host}]" if ":" in host else host
+        name = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)
         self.address = f"http://{name}:{self.port}/{token}/"
         own = resources(title)
         self._canvas = BrowserCanvas(viewer)
