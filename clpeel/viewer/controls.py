@@ -134,9 +134,11 @@ class Controls:
 
     def handle(self, event: Mapping[str, Any]) -> None:
         """Do what an event of rendercanvas asks for. Raises InputError if that is impossible."""
-        handler = _HANDLERS.get(event["event_type"])
+        handler, before = _HANDLERS.get(event["event_type"]), self.view
         if handler is not None:
             handler(self, event)
+        if self.view is not before:
+            self.view = replace(self.view, answers=event.get("timestamp", 0.0))
 
     def _down(self, event: Mapping[str, Any]) -> None:
         if self._drag is None and event["button"] in (LEFT, RIGHT, MIDDLE):

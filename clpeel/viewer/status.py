@@ -85,6 +85,7 @@ def status_of(frame: Frame, view: View) -> dict[str, Any]:
         "samples": stats.samples,
         "full": frame.full,
         "coarse": frame.coarse,
+        "answers": frame.view.answers,
         "max_error": None if frame.errors is None else frame.errors[0],
         "rms_error": None if frame.errors is None else frame.errors[1],
         "notes": list(frame.notes),

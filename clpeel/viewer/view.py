@@ -27,7 +27,8 @@ class View:
 
     size: (width, height) in pixels, those of the screen. options: what the user set of all techniques' options and of
     all pictures' options, by name. A technique is given those that it has. opacity: replaces every alpha, 0..1; None
-    keeps the scene's own. shows: see Shows. turning: whether the scene turns by itself.
+    keeps the scene's own. shows: see Shows. turning: whether the scene turns by itself. answers: the timestamp of the
+    newest event that this view has in it, in seconds by the clock of the screen that it came from; 0 before the first.
     """
 
     camera: Camera
@@ -39,6 +40,7 @@ class View:
     opacity: float | None = None
     shows: Shows = "picture"
     turning: bool = False
+    answers: float = 0.0
 
     def keywords(self, technique: str | None = None) -> dict[str, Any]:
         """Return the keywords of `Renderer.render` for this view, except camera and technique.
