@@ -1,14 +1,16 @@
 """Measures how fast clpeel is, compared with VTK and with the limit that memory sets, and says which targets are met.
 
-    python tools/bench.py                                       everything, in about a quarter of an hour
-    python tools/bench.py --quick                               less, in under two minutes
+    python tools/bench.py                                       everything but the soak, in about half an hour
+    python tools/bench.py --quick                               less, in a few minutes
+    python tools/bench.py --only live --soak 10                 the live view in a browser, and ten minutes of it
     python tools/bench.py --json bench.json --report docs       keeps the numbers; writes them into docs/performance.md
     python tools/bench.py --from bench.json --report docs       the same later, without measuring
 
 Programs and settings that are compared take turns, in new processes each time, so that a machine whose speed drifts
 slows them all alike. The table shows the median of the rounds with the least and the greatest. Scenes come from a
 folder with scenes.py and vtk_peer.py (VTK without a display), by default `bench` in the folder that CLPEEL_SHARED
-names. Without it there is no VTK, and the tool's own scenes are used. When interrupted, the tool writes what it has.
+names. Without it there is no VTK, and the tool's own scenes are used. The live view is set beside PyVista, if the
+Python that --peer-python names has it. When interrupted, the tool writes what it has.
 Exit codes: 0 done, whether targets are met or not; 1 something failed, 2 bad input, 3 no such OpenCL device, 130
 interrupted.
 """
@@ -18,6 +20,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import math
 import os
 import sys
 import time
@@ -26,6 +29,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from benchmark.figures import FIGURES, digits
+from benchmark.live import SOAK_MINUTES
 from benchmark.report import VERDICTS, as_markdown, as_text, between_markers, bound, machine
 from benchmark.runs import QUICK, SCENES, SHARED, Bench, Failed, Settings, Skipped, Values
 
@@ -65,6 +69,13 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     add("--triangles", type=count, metavar="N", help=f"of the largest scene (default: {Settings.triangles})")
     add("--scenes", type=Path, metavar="FOLDER", help="with scenes.py and vtk_peer.py")
     add("--device", metavar="DEVICE", help="number, or part of a name, as 'clpeel devices' shows them")
+    add(
+        "--soak",
+        type=minutes,
+        metavar="MINUTES",
+        help=f"drag the live view for so long and watch its memory (default with --only soak: {SOAK_MINUTES:g})",
+    )
+    add("--peer-python", metavar="FILE", help="the Python that has PyVista and trame (default: this one)")
     add("--json", type=Path, metavar="FILE", help="write all numbers to a file")
     add(
         "--report",
@@ -74,7 +85,9 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     )
     add("--from", type=Path, dest="source", metavar="FILE", help="take the numbers from such a file: measure nothing")
     options = parser.parse_args(arguments)
-    options.only = options.only.split(",") if options.only else list(FIGURES)
+    options.only = options.only.split(",") if options.only else [name for name in FIGURES if name != "soak"]
+    if options.soak and "soak" not in options.only:
+        options.only.append("soak")
     for name in options.only:
         if name not in FIGURES:
             stop(f"--only: expected some of {', '.join(FIGURES)}; got {name!r}")
@@ -83,6 +96,8 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     for name in options.names:
         if name not in SCENES:
             stop(f"scene: expected some of {', '.join(SCENES)}; got {name!r}")
+    if options.peer_python and not os.access(options.peer_python, os.X_OK):
+        stop(f"--peer-python: expected a program, got {options.peer_python!r}")
     if options.scenes and not (options.scenes / "scenes.py").is_file():
         stop(f"--scenes: no scenes.py in {str(options.scenes)!r}")
     if options.json and not os.access(options.json.parent, os.W_OK):
@@ -97,6 +112,17 @@ def count(text: str) -> int:
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
     return int(text)
+
+
+def minutes(text: str) -> float:
+    """Read a number of minutes above 0."""
+    try:
+        found = float(text)
+    except ValueError:
+        found = 0.0
+    if not 0 < found < math.inf:
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
+    return found
 
 
 def document_of(report: Path) -> Path:
@@ -130,7 +156,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
     """Return what the options ask to measure."""
     given = {name: getattr(options, name) for name in ("rounds", "size", "triangles") if getattr(options, name)}
     if options.rounds:
-        given["peer_rounds"] = options.rounds
+        given["peer_rounds"] = given["live_rounds"] = options.rounds
     if options.names:
         given["scenes"] = tuple(options.names)
     return replace(QUICK if options.quick else Settings(), **given)
@@ -143,7 +169,8 @@ def measure(options: argparse.Namespace) -> Values:
     folder = folder.resolve() if (folder / "scenes.py").is_file() else None
     found: Values = {"date": datetime.date.today().isoformat(), "machine": machine(), "reduced": settings.reduced}
     found["figures"] = {}
-    bench = Bench(settings, folder, options.device, options.only)
+    peer_python = os.path.abspath(options.peer_python or sys.executable)
+    bench = Bench(settings, folder, options.device, options.only, peer_python, options.soak or SOAK_MINUTES)
     try:
         try:
             found["machine"] |= bench.measure("device")

@@ -166,6 +166,12 @@ def test_settings_say_what_is_reduced() -> None:
     assert tool.settings_of(tool.parse(["--rounds", "9"])).peer_rounds == 9
 
 
+def test_the_soak_takes_part_only_if_it_is_asked_for() -> None:
+    assert "soak" not in tool.parse([]).only
+    assert tool.parse(["--only", "soak"]).only == ["soak"]
+    assert tool.parse(["--only", "live", "--soak", "1.5"]).only == ["live", "soak"]
+
+
 # --- scenes -----------------------------------------------------------------------------------------------------------
 
 
@@ -277,6 +283,9 @@ def test_help_names_the_figures() -> None:
         (["--triangles", "9"], "at least 10"),
         (["--nonsense"], "--nonsense"),
         (["teapot"], "got 'teapot'"),
+        (["--soak", "0"], "above 0, got '0'"),
+        (["--soak", "long"], "above 0, got 'long'"),
+        (["--peer-python", "missing/python"], "--peer-python"),
         (["--json", "missing/file.json"], "--json"),
         (["--report", "missing"], "--report"),
         (["--scenes", "missing"], "no scenes.py"),

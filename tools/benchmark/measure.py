@@ -44,6 +44,18 @@ def keep(model: str, path: str) -> dict[str, Any]:
     return {"triangles": len(scene.faces)}
 
 
+def arrays(scene: list[Any], path: str) -> dict[str, Any]:
+    """Write a scene to an NPZ file, for programs without clpeel: vertices, faces, and rgba as uint8 for each face."""
+    import numpy as np
+
+    from benchmark.makers import make
+
+    made = make(*scene)
+    rgba = np.broadcast_to(made.colors, (len(made.faces), 4)).astype(np.uint8)
+    np.savez(path, vertices=made.vertices, faces=made.faces, rgba=rgba)
+    return {"triangles": len(made.faces)}
+
+
 def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> dict[str, Any]:
     """Time frames of the jobs, which take turns. The camera moves a little each time. The first frame does not count.
 
@@ -192,7 +204,7 @@ def camera(scene: list[Any], size: int, count: int) -> dict[str, Any]:
 
 
 CASES: dict[str, Callable[..., dict[str, Any]]] = {
-    case.__name__: case for case in (device, keep, frames, bandwidth, camera)
+    case.__name__: case for case in (device, keep, arrays, frames, bandwidth, camera)
 }
 
 if __name__ == "__main__":

@@ -53,6 +53,10 @@ class Settings:
     triangles: int = setting(10_000_000, "most triangles")
     probe: int = setting(512, "MiB copied to measure bandwidth")
     scenes: tuple[str, ...] = setting(SCENES, "scenes")
+    live_rounds: int = setting(3, "rounds of the live view")
+    live_peer_rounds: int = setting(1, "rounds of the live view in which PyVista takes part")
+    drag: int = setting(10, "seconds of a drag")
+    pictures: tuple[str, ...] = setting(("800 x 600", "1600 x 1200"), "pictures of the live view")
 
     @property
     def reduced(self) -> list[str]:
@@ -65,7 +69,17 @@ class Settings:
 
 
 QUICK = Settings(
-    rounds=2, frames=3, peer_frames=1, peer_rounds=1, largest=2, layers=1024, triangles=1_000_000, probe=128
+    rounds=2,
+    frames=3,
+    peer_frames=1,
+    peer_rounds=1,
+    largest=2,
+    layers=1024,
+    triangles=1_000_000,
+    probe=128,
+    live_rounds=1,
+    drag=3,
+    pictures=("800 x 600",),
 )
 
 
@@ -105,9 +119,21 @@ def run(command: list[str], environment: dict[str, str]) -> str:
 class Bench:
     """One run of the tool: its settings, the environment of its processes, and what several figures share."""
 
-    def __init__(self, settings: Settings, folder: Path | None, device: str | None, wanted: Iterable[str]) -> None:
-        """folder: has scenes.py and vtk_peer.py, or None. device: an OpenCL device. wanted: the names of figures."""
+    def __init__(
+        self,
+        settings: Settings,
+        folder: Path | None,
+        device: str | None,
+        wanted: Iterable[str],
+        peer_python: str = sys.executable,
+        soak: float = 0.0,
+    ) -> None:
+        """folder: has scenes.py and vtk_peer.py, or None. device: an OpenCL device. wanted: the names of figures.
+
+        peer_python: the Python that has PyVista. soak: how many minutes it takes.
+        """
         self.settings = settings
+        self.peer_python, self.soak = peer_python, soak
         self.folder = folder
         self.wanted = tuple(wanted)
         self.missing: dict[str, str] = {}
