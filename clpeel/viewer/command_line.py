@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from clpeel.checks import checked_background
 from clpeel.options import Option, options_of
 from clpeel.rendering.request import all_options
+from clpeel.techniques import options_class
 from clpeel.viewer.view import LAYER_COUNT, View
 
 WHITE = (1.0, 1.0, 1.0)
@@ -57,7 +58,8 @@ def _flags(view: View, technique: str) -> Iterator[str]:
         yield f"--background-color={_numbers(over)}"
     if view.lighting == "none":
         yield "--unlit"
-    known = {each.name: each for owner in all_options() for each in options_of(owner)}
+    owners = (*all_options(), options_class(technique))  # the technique's own come last, as defaults may differ
+    known = {each.name: each for owner in owners for each in options_of(owner)}
     given = {"samples": 1, **view.keywords(technique)}
     for name in ("size", "background", "lighting"):
         given.pop(name)
