@@ -1,7 +1,8 @@
 """The browser's screen: rendercanvas's canvas over HTTP, with a page of ours, served by uvicorn on this machine alone.
 
 What goes between page and server is rendercanvas's protocol (renderview's events, frames and their feedback), with two
-additions: a frame's message has the `status`, and the panel sends `set`.
+additions: a frame's message has the `status`, and the panel sends `set`. Times of events are by the page's clock. The
+status's `seen` is the time of the latest event whose effect the frame shows.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ class BrowserCanvas(http.HttpRenderCanvas):  # type: ignore[misc]
         elif kind == "resize":
             self._viewer.resize((event["width"], event["height"]), (event["pwidth"], event["pheight"]))
         elif kind == "set":
-            self._viewer.set(event["name"], event["value"])
+            self._viewer.set(event["name"], event["value"], event["timestamp"])
         else:
             self._viewer.handle({**event, "event_type": kind})
 

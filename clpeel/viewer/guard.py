@@ -275,7 +275,7 @@ FIELDS: Mapping[str, Mapping[str, Check]] = {
     "key_up": KEY,
     **{name: {"timestamp": TIME} for name in ("focus_in", "focus_out", "show", "hide")},
     "_framefeedback": {"index": whole(1, 1 << 53), "timestamp": TIME, "localtime": TIME},
-    "set": {"name": _is_key, "value": _is_setting},
+    "set": {"name": _is_key, "value": _is_setting, "timestamp": TIME},
 }
 """The fields of every message that a page sends: those of renderview's events, of its feedback, and of the panel."""
 

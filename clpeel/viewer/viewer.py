@@ -73,6 +73,7 @@ class Viewer:
         self._frame: Frame | None = None
         self._notice = ""
         self._turned = 0.0
+        self._seen = 0.0  # when what was handled last was done, by the screen's clock
         self._painter = Painter(self.renderer, self._on_frame, self._on_error)
 
     @property
@@ -96,11 +97,15 @@ class Viewer:
 
     def handle(self, event: Mapping[str, Any]) -> None:
         """Do what an event of rendercanvas asks for."""
-        self._change(lambda: self._controls.handle(event))
+        with self._lock:
+            self._seen = event.get("timestamp", 0.0)
+            self._change(lambda: self._controls.handle(event))
 
-    def set(self, name: str, value: object) -> None:
-        """Change a setting of the panel."""
-        self._change(lambda: self._controls.set(name, value))
+    def set(self, name: str, value: object, timestamp: float = 0.0) -> None:
+        """Change a setting of the panel. timestamp: when the user did, by the screen's clock."""
+        with self._lock:
+            self._seen = timestamp
+            self._change(lambda: self._controls.set(name, value))
 
     def resize(self, screen: Place, pixels: Size) -> None:
         """Take the size of the screen, in logical pixels and in real ones."""
@@ -191,4 +196,6 @@ class Viewer:
         self._painter.show(self._controls.view)
 
     def _status(self, frame: Frame) -> dict[str, Any]:
-        return {**status_of(frame, self.view), "notice": self._notice, "command": self.command}
+        """Return the status of a frame. seen: up to when the frame shows what was done; 0 if the view has changed."""
+        seen = self._seen if frame.view is self.view else 0.0
+        return {**status_of(frame, self.view), "notice": self._notice, "command": self.command, "seen": seen}

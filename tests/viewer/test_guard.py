@@ -42,8 +42,7 @@ for each in ("show", "focus_in", "focus_out"):
 
 
 def message(kind: str) -> dict[str, Any]:
-    times = {} if kind == "set" else {"timestamp": 12.5}
-    return {"type": kind, **copy.deepcopy(RIGHT[kind]), **times}
+    return {"type": kind, **copy.deepcopy(RIGHT[kind]), "timestamp": 12.5}
 
 
 @pytest.mark.parametrize("kind", FIELDS)
@@ -53,7 +52,7 @@ def test_each_message_of_a_page_comes_through(kind: str) -> None:
 
 @pytest.mark.parametrize("value", [None, True, 0.25, "sort", [0.1, 0.2, 1]])
 def test_settings_have_simple_values(value: object) -> None:
-    assert checked_message(json.dumps({"type": "set", "name": "x", "value": value}))["value"] == value
+    assert checked_message(json.dumps({**message("set"), "value": value}))["value"] == value
 
 
 @pytest.mark.parametrize("kind", FIELDS)
@@ -89,9 +88,9 @@ def test_a_field_that_is_missing_added_or_of_another_type_is_wrong(kind: str, da
         '{"type": "hide", "timestamp": true}',
         '{"type": "_framefeedback", "index": 1.5, "timestamp": 1, "localtime": 1}',
         '{"type": "_framefeedback", "index": true, "timestamp": 1, "localtime": 1}',
-        '{"type": "set", "name": "opacity", "value": {"a": 1}}',
-        '{"type": "set", "name": "opacity", "value": [1, 2]}',
-        '{"type": "set", "name": "opacity", "value": "' + "x" * 65 + '"}',
+        '{"type": "set", "name": "opacity", "value": {"a": 1}, "timestamp": 1}',
+        '{"type": "set", "name": "opacity", "value": [1, 2], "timestamp": 1}',
+        '{"type": "set", "name": "opacity", "value": "' + "x" * 65 + '", "timestamp": 1}',
         '{"type": "key_down", "key": "", "modifiers": [], "timestamp": 1}',
         '{"type": "key_down", "key": "a", "modifiers": ["Shift", 1], "timestamp": 1}',
         "[" * 4000,
