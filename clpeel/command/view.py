@@ -46,7 +46,7 @@ def run_view(options: argparse.Namespace) -> int:
             say("note: others on the network who learn the page's address can look on and steer")
     view(
         scene,
-        make_camera(options, scene),
+        lambda pixels: make_camera(argparse.Namespace(**{**vars(options), "resolution": pixels}), scene),
         technique=options.technique,
         backend=backend,
         turning=options.turn or options.boxes,

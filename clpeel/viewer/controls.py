@@ -63,6 +63,9 @@ OPACITY_STEP = 0.05
 
 SHOWN = ("picture", "layers", "error")
 
+Framing = Callable[[Size], Camera]
+"""Makes the camera for a picture of so many pixels, (width, height)."""
+
 LEFT, RIGHT, MIDDLE = 1, 2, 3
 """The numbers of mouse buttons in events."""
 
@@ -84,7 +87,8 @@ class Controls:
     """Keeps the view that is shown, and changes it.
 
     radius: of the scene, in world units. alpha: the mean of the scene's own, from which changing the opacity begins.
-    screen: the (width, height) of the screen in logical pixels. passes: what the latest picture took.
+    screen: the (width, height) of the screen in logical pixels. framing: makes the first camera anew once the screen
+    tells its size in pixels; None keeps the view's. passes: what the latest picture took.
     """
 
     view: View
@@ -92,15 +96,21 @@ class Controls:
     alpha: float
     actions: Actions
     screen: tuple[float, float]
+    framing: Framing | None = None
     passes: int = 1
 
     def __post_init__(self) -> None:
-        self.home = self.view
+        self.home, self._first = self.view, self.view.camera
         self._drag: tuple[int, motion.Place] | None = None
 
     def resize(self, screen: tuple[float, float], pixels: Size) -> None:
         """Take the size of the screen, in logical pixels and in real ones."""
         self.screen = screen
+        if self.framing is not None:
+            self.home = replace(self.home, camera=self.framing(pixels))
+            if self.view.camera is self._first:
+                self.view = replace(self.view, camera=self.home.camera)
+            self.framing = None
         if pixels != self.view.size:
             self.view = replace(self.view, size=pixels)
 

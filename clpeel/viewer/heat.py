@@ -41,7 +41,9 @@ def error_map(renderer: Renderer, view: View, progress: Progress | None) -> Erro
     Raises InputError if the technique's picture is a map itself.
     """
     if view.technique != AUTO and TECHNIQUES[view.technique].maps:
-        raise InputError(f"error: expected a technique that blends colours, got {view.technique!r}, which makes a map")
+        raise InputError(
+            f"heat map: expected a technique that blends colours, got {view.technique!r}, which makes a map"
+        )
     drawn = renderer.render(view.camera, technique=view.technique, progress=progress, **_alone(view, view.technique))
     color, stats = drawn.color, drawn.stats
     truth = renderer.render(view.camera, technique="sort", progress=progress, layers=True, **_alone(view, "sort"))

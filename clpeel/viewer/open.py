@@ -18,6 +18,7 @@ from clpeel.viewer.view import View
 
 if TYPE_CHECKING:
     from clpeel.viewer.command_line import Source
+    from clpeel.viewer.controls import Framing
 
 Backend = Literal["window", "browser", "notebook"]
 BACKENDS = ("window", "browser", "notebook")
@@ -34,7 +35,7 @@ NEEDS = {
 
 def view(
     scene: Scene,
-    camera: Camera | None = None,
+    camera: Camera | Framing | None = None,
     size: Size = (1024, 768),
     technique: str = "sort",
     background: Sequence[float] | str | None = (1.0, 1.0, 1.0),
@@ -57,6 +58,7 @@ def view(
     In a window or a browser, this returns when the window is closed or with Ctrl-C. In a notebook it returns the
     widget, which the cell shows. The first arguments and the options are those of `clpeel.render`.
 
+    camera: may also be a function that makes it for a picture of (width, height) pixels. By default all is in view.
     backend: by default "notebook" in one, "window" where there is a display, else "browser". size: of the window or
     the widget, in logical pixels; a page fills its browser. turning: whether the scene turns by itself. host, port,
     open_page: of the page: the address it listens on, 0 for any free port, and whether to open it in the user's
@@ -69,13 +71,14 @@ def view(
         raise InputError(f"scene: expected a clpeel.Scene, got {type(scene).__name__}; see clpeel.load")
     size = checked_size(size)
     chosen = checked_backend(backend)
-    if camera is None:
-        camera = Camera.frame(scene, aspect=size[0] / size[1])
+    framing = framing_of(scene, camera)
+    camera = framing(size)
     checked_options(technique, {"size": size, "background": background, "lighting": lighting, **options})
     shown = View(camera, size, technique, options, background, lighting, turning=turning)
     from clpeel.viewer.viewer import Viewer
 
-    viewer = Viewer(scene, shown, device, lanes, source, warn=warn or (lambda text: print(text, file=sys.stderr)))
+    warn = warn or (lambda text: print(text, file=sys.stderr))
+    viewer = Viewer(scene, shown, device, lanes, source, warn=warn, framing=framing)
     if chosen == "browser":
         from clpeel.viewer.browser import serve
 
@@ -89,6 +92,17 @@ def view(
 
     run(viewer, title, size)
     return None
+
+
+def framing_of(scene: Scene, camera: Camera | Framing | None) -> Framing:
+    """Return the function that makes the first camera for a screen. Raises InputError if it is no camera."""
+    if camera is None:
+        return lambda pixels: Camera.frame(scene, aspect=pixels[0] / pixels[1])
+    if isinstance(camera, Camera):
+        return lambda pixels: camera
+    if callable(camera):
+        return camera
+    raise InputError(f"camera: expected a clpeel.Camera or None, got {type(camera).__name__}")
 
 
 def checked_backend(backend: str | None) -> Backend:

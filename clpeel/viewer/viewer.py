@@ -17,7 +17,7 @@ from clpeel.scene.arrays import as_float
 from clpeel.scene.camera import Camera, Degrees
 from clpeel.scene.scene import Scene
 from clpeel.viewer.command_line import Source, command_line
-from clpeel.viewer.controls import Controls, radius_of
+from clpeel.viewer.controls import Controls, Framing, radius_of
 from clpeel.viewer.motion import Place
 from clpeel.viewer.painter import Frame, Painter
 from clpeel.viewer.status import status_of
@@ -50,7 +50,7 @@ class Viewer:
     """A scene that is looked at. Screens give it events, and it gives them frames.
 
     say: takes lines for whoever started it, and warn takes errors. source: where the scene came from, for the command
-    line.
+    line. framing: makes the first camera for the size that the screen turns out to have.
     """
 
     def __init__(
@@ -62,13 +62,14 @@ class Viewer:
         source: Source | None = None,
         say: Callable[[str], None] = print,
         warn: Callable[[str], None] = print,
+        framing: Framing | None = None,
     ) -> None:
         view.check()
         self.renderer = Renderer(scene, device, lanes)
         self._source, self._say, self._warn = source, say, warn
         self._lock = threading.RLock()
         alpha = float(np.mean(as_float(scene.colors)[..., 3]))
-        self._controls = Controls(view, radius_of(scene.bounds), round(alpha, 2), self, SCREEN)
+        self._controls = Controls(view, radius_of(scene.bounds), round(alpha, 2), self, SCREEN, framing)
         self._screen: Screen | None = None
         self._frame: Frame | None = None
         self._notice = ""

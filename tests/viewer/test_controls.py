@@ -200,6 +200,23 @@ def test_r_returns_to_the_first_view_but_keeps_the_size() -> None:
     assert press(on, "r") == replace(on.home, size=(600, 400))
 
 
+def test_the_first_size_frames_anew_and_later_ones_do_not() -> None:
+    def framing(pixels: tuple[int, int]) -> Camera:
+        return Camera((0.0, 0.0, float(pixels[1])), (0.0, 0.0, 0.0))
+
+    for moved in (False, True):
+        on = controls()
+        on.framing = framing
+        if moved:
+            drag(on)
+        before = on.view.camera
+        on.resize((30.0, 60.0), (30, 60))
+        assert on.view.camera == (before if moved else framing((30, 60)))
+        on.resize((30.0, 90.0), (30, 90))
+        assert on.view.camera == (before if moved else framing((30, 60)))
+        assert press(on, "r").camera == framing((30, 60))
+
+
 def test_keys_that_change_nothing_call_what_they_say() -> None:
     on = controls()
     press(on, "s", "c", "p", "h", "?")

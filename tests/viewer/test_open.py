@@ -89,6 +89,15 @@ def test_what_is_wrong_is_one_line_before_anything_opens(options: dict[str, Any]
         clpeel.view(TRIANGLE, **{**HERE, **options})
 
 
+def test_the_first_camera_suits_the_screen_that_there_is() -> None:
+    tall = opening.framing_of(TRIANGLE, None)
+    assert tall((300, 600)) == clpeel.Camera.frame(TRIANGLE, aspect=0.5)
+    own = clpeel.Camera((0, 0, 5), (0, 0, 0))
+    assert opening.framing_of(TRIANGLE, own)((300, 600)) is own
+    with pytest.raises(clpeel.InputError, match="camera: expected a clpeel.Camera or None, got str"):
+        opening.framing_of(TRIANGLE, "front")  # type: ignore[arg-type]
+
+
 def test_something_else_than_a_scene_is_refused() -> None:
     with pytest.raises(clpeel.InputError, match="scene: expected a clpeel.Scene, got str"):
         clpeel.view("part.stl")  # type: ignore[arg-type]
@@ -102,8 +111,8 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What the command hands to `view`, which does not open anything."""
     found: dict[str, Any] = {}
 
-    def view(scene: clpeel.Scene, camera: clpeel.Camera, **options: Any) -> None:
-        found.update(options, scene=scene, camera=camera)
+    def view(scene: clpeel.Scene, camera: Any, **options: Any) -> None:
+        found.update(options, scene=scene, camera=camera(options["size"]))
 
     monkeypatch.setattr(opening, "view", view)
     monkeypatch.setattr(opening, "checked_backend", lambda name: name or "browser")

@@ -225,7 +225,7 @@ def test_a_setting_that_is_impossible_is_a_notice(served: Served) -> None:
     with served.socket() as page:
         send(page, RESIZE)
         settled(page)
-        send(page, {"type": "set", "name": "opacity", "value": 7})
+        send(page, {"type": "set", "name": "opacity", "value": 7, "timestamp": 2})
         while True:
             message, _ = frame(page)
             if message["status"]["notice"]:
@@ -261,7 +261,7 @@ def test_a_page_that_confirms_nothing_gets_two_frames_and_holds_nobody_up(served
         settled(good)
         with served.socket() as silent:
             for step in range(40):
-                send(good, {"type": "set", "name": "opacity", "value": step / 40})
+                send(good, {"type": "set", "name": "opacity", "value": step / 40, "timestamp": 2})
                 frame(good)
             got = 0
             with pytest.raises(TimeoutError):
