@@ -8,7 +8,7 @@ from typing import Any
 from clpeel.checks import checked_background
 from clpeel.options import options_of
 from clpeel.rendering.request import all_options
-from clpeel.techniques import AUTO, TECHNIQUES, option_names
+from clpeel.techniques import AUTO, TECHNIQUES, option_names, options_class
 from clpeel.viewer.controls import KEYS, OPTION_NAMES, SHOWN
 from clpeel.viewer.painter import Frame
 from clpeel.viewer.view import View
@@ -38,7 +38,9 @@ LABELS = {
 
 def settings(view: View) -> dict[str, Any]:
     """Return the value of every setting. An option that is not set has its default; without one it is None."""
-    defaults = {each.name: each.default for owner in all_options() for each in options_of(owner)}
+    # Those of glowscript come first and the technique's own last, as defaults differ.
+    owners = (*reversed(all_options()), options_class(view.technique))
+    defaults = {each.name: each.default for owner in owners for each in options_of(owner)}
     own = {name: view.options.get(name, defaults[name]) for name in OPTION_NAMES}
     return {
         "technique": view.technique,
