@@ -85,7 +85,7 @@ class Painter:
         self._moved = 0.0  # when it came
         self._drafted = self._finished = 0  # the numbers of the latest views that were drawn coarsely, and fully
         self._last: Frame | None = None
-        self._pick: Callable[[], None] | None = None
+        self._errands: dict[str, Callable[[], None]] = {}  # what to do before anything else, the latest of each kind
         self._ready = True
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="clpeel painter", daemon=True)
@@ -110,11 +110,20 @@ class Painter:
         It is called in the painter's thread.
         """
         with self._changed:
-            self._pick = lambda: then(self._focused(camera, at, size))
+            self._errands["pick"] = lambda: then(self._focused(camera, at, size))
+            self._changed.notify()
+
+    def draw(self, view: View, then: Callable[[Frame | None], None]) -> None:
+        """Draw a view in full, even if there are newer ones. then: called with the frame, or None after an error.
+
+        It is called in the painter's thread. Both come before the painter ends.
+        """
+        with self._changed:
+            self._errands["draw"] = lambda: then(self._whole(view))
             self._changed.notify()
 
     def close(self) -> None:
-        """End the thread. A picture under way is given up."""
+        """End the thread. A picture under way is given up, but not one that `draw` asked for."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -130,10 +139,11 @@ class Painter:
     def _next(self) -> Callable[[], None] | None:
         """Wait for something to do, and return it. None means that it is time to end."""
         with self._changed:
-            while not self._closed:
-                if self._pick is not None:
-                    pick, self._pick = self._pick, None
-                    return pick
+            while True:
+                if self._errands:
+                    return self._errands.pop(next(iter(self._errands)))
+                if self._closed:
+                    return None
                 wait = None
                 if self._view is not None and self._ready:
                     if self._drafted < self._number:
@@ -144,7 +154,6 @@ class Painter:
                     elif wait <= 0:
                         return self._task(self._view, full=True)
                 self._changed.wait(wait)
-        return None
 
     def _task(self, view: View, full: bool) -> Callable[[], None]:
         number = self._number
@@ -196,6 +205,17 @@ class Painter:
 
         frame = self._paint(self._renderer, view, check)
         return replace(frame, full=True)
+
+    def _whole(self, view: View) -> Frame | None:
+        """Draw the view in full, unless the latest frame is just that. Returns None after an error."""
+        last = self._last
+        if last is not None and last.full and last.view is view:
+            return last
+        try:
+            return replace(self._paint(self._renderer, view), full=True)
+        except Exception as error:
+            self._on_error(view, error)
+            return None
 
     def _paint(self, renderer: Renderer, view: View, progress: Callable[[float, str], None] | None = None) -> Frame:
         begun = time.perf_counter()

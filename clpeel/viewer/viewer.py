@@ -66,7 +66,7 @@ class Viewer:
     ) -> None:
         view.check()
         self.renderer = Renderer(scene, device, lanes)
-        self._source, self._say, self._warn = source, say, warn
+        self._source, self.say, self._warn = source, say, warn
         self._lock = threading.RLock()
         alpha = float(np.mean(as_float(scene.colors)[..., 3]))
         self._controls = Controls(view, radius_of(scene.bounds), round(alpha, 2), self, SCREEN, framing)
@@ -97,10 +97,11 @@ class Viewer:
     # --- what the screen tells ----------------------------------------------------------------------------------------
 
     def handle(self, event: Mapping[str, Any]) -> None:
-        """Do what an event of rendercanvas asks for."""
+        """Do what an event of rendercanvas asks for. A notice is shown until the user does something else."""
+        idle = event["event_type"] in ("pointer_move", "pointer_up")
         with self._lock:
             self._seen = event.get("timestamp", 0.0)
-            self._change(lambda: self._controls.handle(event))
+            self._change(lambda: self._controls.handle(event), keep=idle)
 
     def set(self, name: str, value: object, timestamp: float = 0.0) -> None:
         """Change a setting of the panel. timestamp: when the user did, by the screen's clock."""
@@ -112,9 +113,11 @@ class Viewer:
         """Take the size of the screen, in logical pixels and in real ones."""
         self._change(lambda: self._controls.resize(screen, pixels), first=self._frame is None)
 
-    def _change(self, change: Callable[[], None], first: bool = False) -> None:
+    def _change(self, change: Callable[[], None], first: bool = False, keep: bool = False) -> None:
+        """Change the view. first: show it even if it stays as it is. keep: keep the notice."""
         with self._lock:
-            before, notice, self._notice, failed = self._controls.view, self._notice, "", False
+            before, notice, failed = self._controls.view, self._notice, False
+            self._notice = notice if keep else ""
             try:
                 change()
             except ClpeelError as error:
@@ -140,9 +143,20 @@ class Viewer:
         if self._screen is not None:
             self._notice = self._screen.save(self.view)
 
+    def draw(self, view: View, then: Callable[[Frame | None], None]) -> None:
+        """Draw a view in full. then: called in the painter's thread with the frame, or with None after an error."""
+        self._painter.draw(view, then)
+
+    def tell(self, text: str) -> None:
+        """Print a text, and show it as the notice."""
+        with self._lock:
+            self._notice = text
+        self.say(text)
+        self.refresh()
+
     def print_command(self) -> None:
         """Print the command line that makes this very picture."""
-        self._say(self.command)
+        self.say(self.command)
 
     def toggle(self, what: str) -> None:
         """Show or hide the "panel" or the "help"."""
