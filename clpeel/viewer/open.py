@@ -32,6 +32,9 @@ NEEDS = {
 }
 """The packages that each backend needs, by the names that they are imported by."""
 
+QT = ("PySide6", "PyQt6")
+"""Packages for Qt, by the names that they are imported by. With one of them a window needs neither glfw nor wgpu."""
+
 
 def view(
     scene: Scene,
@@ -128,7 +131,10 @@ def check_packages(backend: str) -> None:
 
 def missing(backend: str) -> list[str]:
     """Return the packages that the backend lacks."""
-    return [name for name in NEEDS[backend] if find_spec(name) is None]
+    needs = NEEDS[backend]
+    if backend == "window" and any(find_spec(name) is not None for name in QT):
+        needs = needs[:1]
+    return [name for name in needs if find_spec(name) is None]
 
 
 def has_display() -> bool:

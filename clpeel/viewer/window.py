@@ -13,10 +13,8 @@ from typing import Any
 from clpeel.errors import InputError
 from clpeel.rendering.options import Size
 from clpeel.viewer.bitmap import EVENTS, BitmapScreen
+from clpeel.viewer.open import NEEDS, QT
 from clpeel.viewer.viewer import Viewer
-
-QT = ("PySide6", "PyQt6")
-"""The packages for Qt that a window can use, by the names that they are imported by."""
 
 MOST_FPS = 60
 """How often in a second events are taken, and frames are shown."""
@@ -68,7 +66,7 @@ def _opened(viewer: Viewer, title: str, size: Size) -> tuple[Any, Any]:
 def chosen_qt() -> str | None:
     """Return the package for Qt to use, or None for glfw: one that is imported already, or any if glfw is missing."""
     imported = [name for name in QT if name in sys.modules]
-    if imported or all(find_spec(name) is not None for name in ("glfw", "wgpu")):
+    if imported or all(find_spec(name) is not None for name in NEEDS["window"]):
         return next(iter(imported), None)
     return next((name for name in QT if find_spec(name) is not None), None)
 
