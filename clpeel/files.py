@@ -6,6 +6,7 @@ This imports nothing heavy, because the command checks its outputs before anythi
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import re
 import shutil
@@ -108,6 +109,42 @@ def write_whole(path: str | os.PathLike[str], data: bytes | Callable[[IO[bytes]]
             _replace(target, part, data, unnamed=True)
         except OSError:  # among others, if the system or the file system has no unnamed files
             _replace(target, part, data, unnamed=False)
+
+
+def write_new(stem: str, suffix: str, data: bytes) -> str:
+    """Write a file under the first of these names that no file has: `stem.suffix`, `stem-1.suffix`, `stem-2.suffix`...
+
+    Returns the name. suffix: with its dot. The file is complete, or it is not there. No file that is there is changed,
+    even if another process makes it meanwhile. Raises InputError if the place cannot be written.
+    """
+    folder = os.path.dirname(stem) or os.curdir
+    _check_place(folder, "output")
+    with _told(stem + suffix):
+        part = _new_part(folder)
+        held = _held(part, lambda: os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        try:
+            with os.fdopen(os.dup(held), "wb") as file:
+                file.write(data)
+            for number in itertools.count():
+                name = f"{stem}-{number}{suffix}" if number else stem + suffix
+                with contextlib.suppress(FileExistsError):
+                    _name(part, name)
+                    return name
+        finally:
+            os.close(held)
+            _remove(part)
+    raise AssertionError("numbers never end")
+
+
+def _name(part: str, name: str) -> None:
+    """Give a file a name that no file has. Raises FileExistsError if one has it."""
+    try:
+        os.link(part, name)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without links
+        os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        os.replace(part, name)
 
 
 def _replace(target: str, part: str, data: bytes | Callable[[IO[bytes]], object], unnamed: bool) -> None:

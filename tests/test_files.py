@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ import pytest
 
 import clpeel
 from clpeel import files
-from clpeel.files import checked_file, checked_folder, whole_folder, write_whole
+from clpeel.files import checked_file, checked_folder, whole_folder, write_new, write_whole
 
 LONGEST = 255  # bytes of a name, on any file system that is common
 WRITERS = {"unnamed": True, "named": False}
@@ -129,6 +130,56 @@ def test_any_name_that_a_file_may_have(tmp_path: Path, length: int) -> None:
     with whole_folder(tmp_path / ("y" * length), "") as folder:
         write_whole(folder / ("z" * length), b"2")
     assert sorted(os.listdir(tmp_path)) == ["x" * length, "y" * length]
+
+
+# --- under a new name -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=["links", "no links"])
+def links(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With and without links, which some file systems lack."""
+
+    def refuse(source: object, target: str, **options: Any) -> None:
+        raise PermissionError("no links here")
+
+    if request.param == "no links":
+        monkeypatch.setattr(os, "link", refuse)
+
+
+@pytest.mark.usefixtures("links")
+def test_a_new_file_gets_the_first_name_that_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a-1.png").write_bytes(b"old")
+    Path("a-3.png").symlink_to("nowhere")
+    assert [write_new("a", ".png", data) for data in (b"0", b"2", b"4")] == ["a.png", "a-2.png", "a-4.png"]
+    assert {name: Path(name).read_bytes() for name in ("a.png", "a-1.png", "a-2.png", "a-4.png")} == {
+        "a.png": b"0",
+        "a-1.png": b"old",
+        "a-2.png": b"2",
+        "a-4.png": b"4",
+    }
+    assert sorted(os.listdir()) == ["a-1.png", "a-2.png", "a-3.png", "a-4.png", "a.png"]
+    assert write_new(str(tmp_path / "b"), "", b"") == str(tmp_path / "b")
+
+
+@pytest.mark.usefixtures("links")
+def test_many_at_once_get_names_of_their_own(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(8) as pool:
+        names = list(pool.map(lambda number: write_new(str(tmp_path / "a"), ".png", b"%d" % number), range(40)))
+    assert len(set(names)) == 40 == len(os.listdir(tmp_path))
+    assert [Path(name).read_bytes() for name in names] == [b"%d" % number for number in range(40)]
+
+
+@pytest.mark.usefixtures("links")
+def test_a_full_disk_leaves_no_new_file(tmp_path: Path) -> None:
+    with largest_file(1000), pytest.raises(clpeel.InputError, match="^output: cannot write '.*a.png': File too large"):
+        write_new(str(tmp_path / "a"), ".png", bytes(2000))
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_new_file_needs_its_folder(tmp_path: Path) -> None:
+    with pytest.raises(clpeel.InputError, match="^output: the folder '.*missing' does not exist"):
+        write_new(str(tmp_path / "missing" / "a"), ".png", b"")
 
 
 # --- what killed runs leave -------------------------------------------------------------------------------------------
