@@ -46,7 +46,7 @@ class Desk:
         self.canvas = RenderCanvas(size=SIZE, pixel_ratio=ratio)
         pixels = self.canvas.get_physical_size()
         view = View(clpeel.Camera.frame(scene, aspect=4 / 3), pixels, **more)
-        self.viewer = Viewer(scene, view, say=self.said.append)
+        self.viewer = Viewer(scene, view, say=self.said.append, warn=self.said.append)
         self.screen = BitmapScreen(self.viewer, self.canvas, Loop())
         self.came = threading.Condition()
         self.frames: list[tuple[Any, dict[str, Any]]] = []

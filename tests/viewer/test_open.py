@@ -37,7 +37,8 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Any:
     [
         ({}, "browser"),
         ({"display": True}, "window"),
-        ({"display": True, "lacking": ("wgpu",)}, "browser"),
+        ({"display": True, "lacking": ("wgpu", *opening.QT)}, "browser"),
+        ({"display": True, "lacking": ("wgpu", "PyQt6")}, "window"),
         ({"display": True, "notebook": True}, "notebook"),
         ({"notebook": True, "lacking": ("anywidget",)}, "browser"),
     ],
