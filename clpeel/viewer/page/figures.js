@@ -16,7 +16,7 @@ export class Figures {
     find('#technique').textContent = status.technique + by
     const rows = rowsOf(status, this.options, steering)
     find('dl', this.root).replaceChildren(...rows.map(([name, value]) =>
-      element('div', {}, element('dt', { textContent: name }), element('dd', { textContent: value }))))
+      element('div', {}, element('dt', { textContent: name }), element('dd', {}, value))))
   }
 
   showDrawing (drawing) {
@@ -24,7 +24,15 @@ export class Figures {
   }
 }
 
-/** Return the figures of a status, as pairs of texts. */
+/** Return what the colours of a heat map stand for. The map has a bar, too, but the panel may cover it. */
+function legendOf ({ shows, layers }) {
+  const [low, high] = shows === 'layers' ? ['0', whole(Math.max(layers, 1))] : ['¼ of 255', '255 of 255']
+  const made = element('span', { className: 'legend' }, low, element('i', { className: 'ramp' }), high)
+  made.title = shows === 'layers' ? 'layers of a pixel' : 'the most wrong channel of a pixel, on a logarithmic scale; less is black'
+  return made
+}
+
+/** Return the figures of a status, as pairs of a text and a text or an element. */
 function rowsOf (status, options, steering) {
   const { settings } = status
   const peels = options[status.auto ? 'auto' : status.technique]?.includes('occlusion_query')
@@ -37,7 +45,7 @@ function rowsOf (status, options, steering) {
     ['size', `${whole(status.width)} × ${whole(status.height)}${samplesOf(status)}`],
     ['picture', qualityOf(status)]
   ]
-  if (status.shows !== 'picture') rows.unshift(['shows', HEAT[status.shows] ?? status.shows])
+  if (status.shows !== 'picture') rows.unshift(['shows', HEAT[status.shows] ?? status.shows], ['colours', legendOf(status)])
   if (settings.opacity !== null) rows.push(['opacity', settings.opacity.toFixed(2)])
   if (status.max_error !== null) {
     rows.push(['error', `max ${share(status.max_error)}, RMS ${share(status.rms_error)} of 1`])
