@@ -107,8 +107,9 @@ class BitmapScreen:
 
     def handle(self, event: Mapping[str, Any]) -> None:
         """Do what an event asks for. Those in the panel do not reach the scene."""
-        if event["event_type"] != "pointer_move":
+        if self._hint and event["event_type"] != "pointer_move":
             self._hint = ""
+            self._canvas.request_draw()
         if not self._in_panel(event):
             self._viewer.handle(event)
 

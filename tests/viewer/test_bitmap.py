@@ -139,14 +139,17 @@ def test_at_rest_the_screen_shows_the_bits_of_render_beside_the_status(
     assert (frame.image == want).all(), "the overlay went into the frame itself"
 
 
-def test_a_hint_is_shown_until_something_is_done(make: Callable[..., Desk]) -> None:
+def test_a_hint_is_shown_until_something_is_done(make: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch) -> None:
     desk = make()
     frame = desk.rest()
     free = uncovered(desk, desk.frames[-1][1])
     assert (desk.draw()[free] != frame.image[free]).any()
     desk.send("pointer_move", 10, 10, 0, ())
     assert (desk.draw()[free] != frame.image[free]).any()
+    asked: list[bool] = []
+    monkeypatch.setattr(desk.canvas, "request_draw", lambda: asked.append(True))
     desk.key("x")
+    assert asked == [True]
     assert (desk.draw()[free] == frame.image[free]).all()
 
 

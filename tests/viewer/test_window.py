@@ -251,6 +251,48 @@ def test_without_vulkan_the_process_says_so_and_goes_on(opened: Callable[..., Wi
     assert line.startswith("refused: window: ") and "--backend browser" in line
 
 
+# Looks at the window again and again until it has the bits of `render` beside the status, and closes it then.
+QT_CHILD = """
+import sys, threading, {qt}.QtWidgets, clpeel, numpy as np
+from clpeel.viewer.open import view
+
+scene = clpeel.load(sys.argv[1], opacity=0.5)
+want = clpeel.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), (400, 300), lighting="headlight").image
+
+def look():
+    from rendercanvas.qt import loop
+    (canvas,) = loop.get_canvases()
+    shown = canvas.grab().toImage()
+    shown = shown.convertToFormat(shown.Format.Format_RGBA8888)
+    got = np.frombuffer(bytes(shown.constBits().asarray(480000) if "{qt}" == "PyQt6" else shown.constBits()), np.uint8)
+    if (got.reshape(300, 400, 4)[60:150] == want[60:150]).all():
+        print("same")
+        canvas.close()
+    else:
+        loop.call_later(0.1, look)
+
+def begin():
+    from rendercanvas.qt import loop
+    loop.call_soon_threadsafe(look)
+
+threading.Timer(1, begin).start()
+view(scene, backend="window", size=(400, 300))
+print("returned")
+"""
+
+
+@pytest.mark.skipif(
+    not any(map(find_spec, opening.QT)) or not find_spec("rendercanvas"),
+    reason="needs rendercanvas, and PySide6 or PyQt6",
+)
+def test_on_qt_a_window_shows_the_bits_of_render(squares: Path) -> None:
+    qt = next(filter(find_spec, opening.QT))
+    command = [sys.executable, "-c", QT_CHILD.format(qt=qt), str(squares)]
+    env = os.environ | {"QT_QPA_PLATFORM": "offscreen"}
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=LONG)
+    assert done.returncode == 0 and done.stdout == "same\nreturned\n", done.stderr
+
+
 # --- without a display ------------------------------------------------------------------------------------------------
 
 
