@@ -28,8 +28,16 @@ STAIRS: dict[str, tuple[str, ...]] = {
 }
 """What each package may import besides the root and itself. Nothing here runs up."""
 
-INSIDE_FUNCTIONS = {"techniques": ("scene", "pictures"), "command": ("",), "pictures": ("",)}
-"""What a package may import besides where it is needed, late; "" is clpeel itself, for its version or public names."""
+INSIDE_FUNCTIONS = {
+    "techniques": ("scene", "pictures"),
+    "command": ("",),
+    "pictures": ("",),
+    "scene": ("viewer.notebook",),
+}
+"""What a package may import besides where it is needed, late; "" is clpeel itself, for its version or public names.
+
+A notebook asks a scene how to show it, and the viewer knows.
+"""
 
 FOR_TYPES = {"techniques": ("stages",), "rendering": ("",), "study": ("",), "scene": ("",)}
 """What a package may import besides for types alone: a technique is handed a Frame."""

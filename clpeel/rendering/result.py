@@ -16,7 +16,7 @@ from clpeel.device.program import device_seconds
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
 from clpeel.pictures.lengths import Lengths
-from clpeel.pictures.png import save_png
+from clpeel.pictures.png import encode_png, save_png
 from clpeel.stages.composite import Finished, Map, Picture
 from clpeel.stages.tiles import Drawn
 from clpeel.techniques import ERROR_BOUND, TECHNIQUES, with_map
@@ -224,6 +224,10 @@ class Result:
         Raises InputError when the place cannot be written, or when the name has an ending other than .png.
         """
         save_png(path, self.image)
+
+    def _repr_png_(self) -> bytes:
+        """Return the image as a PNG, which is what a notebook shows of the result."""
+        return encode_png(self.image)
 
 
 CHANGED = ("truncated_pixels", "truncation_bound", "clamped_pixels")

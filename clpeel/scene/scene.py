@@ -191,6 +191,12 @@ class Scene:
             lo[~np.isfinite(lo)] = 0
         return Positions(hi, lo if lo.any() else None, origin, scale)
 
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, Any] | None:
+        """Return what a notebook shows of the scene: a live view of it, or a picture. None outside of notebooks."""
+        from clpeel.viewer.notebook import bundle
+
+        return bundle(self)
+
 
 # --- several scenes in one ------------------------------------------------------------------------------------------
 
