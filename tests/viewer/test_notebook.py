@@ -128,12 +128,20 @@ class Page:
         pytest.fail("this never came")
 
     async def rest(self) -> NDArray[np.uint8]:
-        """Wait for a lossless frame of the view, and return it as uint8 [height, width, 3]."""
+        """Wait for a lossless frame of the view, and return it as uint8 [height, width, 3].
+
+        It is one that nothing follows for as long as rendercanvas takes between a draft and the same without loss.
+        """
+        seen, since = 0, time.monotonic()
 
         def lossless() -> bool:
+            nonlocal seen, since
+            if len(self.frames) != seen:
+                seen, since = len(self.frames), time.monotonic()
             frame = self.viewer._frame
             full = frame is not None and frame.full and frame.view is self.viewer.view
-            return full and bool(self.frames) and self.frames[-1][0]["mimetype"] == "image/png"
+            still = time.monotonic() - since > 0.5
+            return full and still and bool(self.frames) and self.frames[-1][0]["mimetype"] == "image/png"
 
         await self.wait(lossless)
         return np.asarray(Image.open(io.BytesIO(self.frames[-1][1])))
