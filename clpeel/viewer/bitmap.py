@@ -51,7 +51,6 @@ class BitmapScreen:
         self._shown = {"help": False, "panel": False}
         self._slot = threading.RLock()
         self._latest: tuple[Frame, dict[str, Any]] | None = None
-        self._waiting = False  # whether the latest frame has not been drawn yet
         self._closed = False
         self._saving = False
         self._hint = HINT
@@ -65,15 +64,13 @@ class BitmapScreen:
     # --- in any thread ------------------------------------------------------------------------------------------------
 
     def present(self, frame: Frame, status: dict[str, Any]) -> None:
-        """Show a frame soon. The painter goes on with one more frame until this one is drawn, and with no others."""
+        """Show a frame soon. The painter pauses until the canvas takes it."""
         with self._slot:
             if self._closed:
                 return
-            behind = self._waiting and self._latest is not None and self._latest[0] is not frame
-            self._latest, self._waiting = (frame, status), True
-            if behind:
-                self._viewer.set_ready(False)
-            self._loop.call_soon_threadsafe(self._canvas.request_draw)
+            self._latest = frame, status
+            self._viewer.set_ready(False)
+            self._loop.call_soon_threadsafe(self._draw_soon)
 
     def save(self, view: View) -> str:
         """Save the full picture of the view under a new name in the current folder, and tell its name then."""
@@ -95,7 +92,8 @@ class BitmapScreen:
             told = f"saved {write_new('clpeel', '.png', encode_png(image))}"
         except InputError as error:
             told = str(error)
-        self._saving = False
+        finally:
+            self._saving = False
         self._viewer.tell(told)
 
     # --- in the loop's thread -----------------------------------------------------------------------------------------
@@ -103,6 +101,10 @@ class BitmapScreen:
     def toggle(self, what: str) -> None:
         """Show or hide the "panel" or the "help"."""
         self._shown[what] = not self._shown[what]
+        self._canvas.request_draw()
+
+    def _draw_soon(self) -> None:
+        """Let the canvas draw the latest frame."""
         self._canvas.request_draw()
 
     def handle(self, event: Mapping[str, Any]) -> None:
@@ -150,15 +152,14 @@ class BitmapScreen:
     def _close(self, event: Mapping[str, Any]) -> None:
         with self._slot:
             self._closed, self._latest = True, None
-        # In a thread of its own, as the loop's may be interrupted within the viewer, for which the painter then waits.
+        # In a thread of its own, as the painter may take a while to end.
         threading.Thread(target=self._viewer.close, name="clpeel closer").start()
 
     def _draw(self) -> None:
         """Give the canvas what it shows from now on."""
         with self._slot:
-            latest, self._waiting = self._latest, False
-            if not self._closed:
-                self._viewer.set_ready(True)
+            latest = self._latest
+            self._viewer.set_ready(True)
         if latest is not None:
             frame, status = latest
             latest = frame, {**status, "notice": status["notice"] or self._hint}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import logging
+import contextlib
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Mapping
@@ -34,12 +35,29 @@ def run(viewer: Viewer, title: str, size: Size) -> None:
         raise InputError(
             f"window: expected a screen with a window to draw in: {reason}; try --backend browser"
         ) from None
-    logging.getLogger("rendercanvas").setLevel(logging.ERROR)  # else it says that it was interrupted
     try:
-        loop.run()
+        run_loop(canvas, loop)
     finally:
         if canvas.get_closed():
             viewer.close()
+
+
+def run_loop(canvas: Any, loop: Any) -> None:
+    """Run rendercanvas's loop until the window is closed, or until Ctrl-C.
+
+    rendercanvas closes the window at once with Ctrl-C, even in the midst of a frame, and wgpu then ends the process. So
+    here the window is closed after the frame.
+    """
+    running = True
+
+    def take_over() -> None:
+        if running and signal.getsignal(signal.SIGINT) not in (None, signal.SIG_IGN, signal.SIG_DFL):
+            with contextlib.suppress(ValueError):  # other threads than the main one cannot do this
+                signal.signal(signal.SIGINT, lambda number, frame: loop.call_soon(canvas.close))
+
+    loop.call_soon(take_over)
+    loop.run()  # at the end it brings back the handler that there was
+    running = False
 
 
 def _opened(viewer: Viewer, title: str, size: Size) -> tuple[Any, Any]:
@@ -54,13 +72,20 @@ def _opened(viewer: Viewer, title: str, size: Size) -> tuple[Any, Any]:
         backend = import_module("rendercanvas.qt")
     canvas = backend.RenderCanvas(size=size, title=title, update_mode="ondemand", max_fps=MOST_FPS)
     try:
-        screen = BitmapScreen(viewer, canvas, backend.loop)
+        screen = WindowScreen(viewer, canvas, backend.loop)
     except Exception:
         canvas.close()
         raise
     handle = Typed(screen.handle).handle if qt is None else screen.handle
     canvas.add_event_handler(handle, *EVENTS, "char")
     return canvas, backend.loop
+
+
+class WindowScreen(BitmapScreen):
+    """A screen that shows a frame as soon as it is there. rendercanvas would wait for its next turn, for 20 ms."""
+
+    def _draw_soon(self) -> None:
+        self._canvas.force_draw()
 
 
 def chosen_qt() -> str | None:

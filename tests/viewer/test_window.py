@@ -140,21 +140,21 @@ class Window:
         """The picture that the command makes, uint8 [height, width, 3]."""
         made, saved = self.command().strip().rsplit(".save(", 1)
         assert saved == "'picture.png')"
-        image = eval(made, {"clpeel": clpeel, "scene": self.scene}).image
-        assert image.shape == (SIZE[1], SIZE[0], 4)
-        return image[..., :3]
+        return eval(made, {"clpeel": clpeel, "scene": self.scene}).image[..., :3]
 
-    def shown(self) -> NDArray[np.uint8]:
+    def shown(self, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
         """What the window shows, uint8 [height, width, 3]. Without a window manager it is at the top left."""
-        return np.asarray(ImageGrab.grab(xdisplay=self.display))[: SIZE[1], : SIZE[0], :3]
+        return np.asarray(ImageGrab.grab(xdisplay=self.display))[: size[1], : size[0], :3]
 
-    def rest(self) -> NDArray[np.uint8]:
+    def rest(self, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
         """Wait until the window shows the bits of the full picture wherever there is no status. Returns the picture."""
+        self.wait(lambda: f"size={size}" in self.command())
         want = self.wanted()
+        assert want.shape == (size[1], size[0], 3)
         beside = np.ones(want.shape[:2], bool)
-        beside[SIZE[1] // 2 :, :300] = False  # the status is in the lower half, at the left
-        self.wait(lambda: (self.shown()[beside] == want[beside]).all())
-        assert (self.shown()[~beside] != want[~beside]).any(), "there is no status"
+        beside[size[1] // 2 :, :300] = False  # the status is in the lower half, at the left
+        self.wait(lambda: (self.shown(size)[beside] == want[beside]).all())
+        assert (self.shown(size)[~beside] != want[~beside]).any(), "there is no status"
         return want
 
     def ended(self) -> int:
@@ -225,9 +225,27 @@ def test_a_click_in_the_panel_changes_the_technique_and_not_the_camera(opened: C
 
 
 @needs_glfw
-def test_ctrl_c_closes_the_window(opened: Callable[..., Window]) -> None:
+def test_a_window_can_be_resized_while_the_scene_turns(opened: Callable[..., Window]) -> None:
     shown = opened()
     shown.open()
+    shown.key("space")
+    number = shown.do("search", "--name", "squares.off")
+    for size in ((600, 200), (350, 500), (50, 40), (500, 400)):
+        shown.do("windowsize", number, *size)
+        before = shown.shown((300, 200))
+        shown.wait(lambda before=before: (shown.shown((300, 200)) != before).any())
+    shown.key("space")
+    shown.rest((500, 400))
+
+
+@needs_glfw
+@pytest.mark.parametrize("key", ("x", "space"), ids=("at rest", "while it turns"))
+def test_ctrl_c_closes_the_window(opened: Callable[..., Window], key: str) -> None:
+    shown = opened()
+    shown.open()
+    before = shown.shown()
+    shown.key(key)
+    shown.wait(lambda: key == "x" or (shown.shown() != before).any())
     shown.process.send_signal(signal.SIGINT)
     assert shown.ended() == 0 and shown.said[-1] == "returned\n"
     assert not any("Traceback" in line or "signal" in line for line in shown.errors)
