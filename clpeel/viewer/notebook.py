@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 MOST_FPS = 60
 """How often in a second frames are sent, if the notebook keeps up."""
 
-SIZE = (640, 480)
+SIZE = (580, 435)
 """The size of the widget that shows a scene, and of the picture that stands for it where there are no widgets."""
+
+WIDTH = 280
+"""The width of the widget of a setting, in logical pixels."""
 
 ON_OR_OFF = ("occlusion_query", "orthographic", "turning")
 """Settings that are on or off."""
@@ -111,7 +114,10 @@ class Panel:
         self.widgets: dict[str, Any] = {name: made(name, self._named.get(name, ())) for name in LABELS}
         for name, each in self.widgets.items():
             each.observe(lambda change, name=name: self._changed(name, change["new"]), "value")
-        self.box = ipywidgets.VBox(list(self.widgets.values()))
+        # One column beside the canvas, or where there is no room, several below it.
+        columns = f"repeat(auto-fill, {WIDTH}px)"
+        layout = ipywidgets.Layout(flex=f"1 1 {WIDTH}px", grid_template_columns=columns, align_content="flex-start")
+        self.box = ipywidgets.GridBox(list(self.widgets.values()), layout=layout)
         self.follow()
 
     def toggle(self) -> None:
@@ -160,8 +166,8 @@ def made(name: str, texts: Iterable[str] = ()) -> Any:
 
     common = {
         "description": LABELS[name] + (" (0: all)" if name == "passes" else ""),
-        "layout": ipywidgets.Layout(width="270px", margin="0"),
-        "style": {"description_width": "110px"},
+        "layout": ipywidgets.Layout(width=f"{WIDTH}px", margin="0"),
+        "style": {"description_width": f"{WIDTH * 2 // 5}px"},
     }
     if name in ON_OR_OFF:
         return ipywidgets.Checkbox(**common)

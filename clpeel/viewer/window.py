@@ -76,8 +76,10 @@ def _opened(viewer: Viewer, title: str, size: Size) -> tuple[Any, Any]:
     except Exception:
         canvas.close()
         raise
-    handle = Typed(screen.handle).handle if qt is None else screen.handle
-    canvas.add_event_handler(handle, *EVENTS, "char")
+    if qt is None:
+        canvas.add_event_handler(Typed(screen.handle).handle, *EVENTS, "char")
+    else:
+        canvas.add_event_handler(screen.handle, *EVENTS)
     return canvas, backend.loop
 
 
