@@ -58,7 +58,7 @@ def widget(viewer: Viewer, size: Size) -> Any:
     said = ipywidgets.HTML()
     screen = NotebookScreen(viewer, canvas, loop, panel)
     canvas.add_event_handler(screen.handle, *EVENTS)
-    viewer.say = lambda text: loop.call_soon_threadsafe(said.set_trait, "value", as_html(text))
+    viewer.say = viewer.warn = lambda text: loop.call_soon_threadsafe(said.set_trait, "value", as_html(text))
 
     class LiveView(ipywidgets.VBox):  # type: ignore[misc]
         """The canvas, the panel and what was said last. `close` closes all of them, and ends the viewer."""

@@ -14,6 +14,9 @@ AIM = 0.022
 SHARP = 0.028
 """A frame that takes at most so many seconds at full resolution is not reduced."""
 
+LEAST_SHARE = 1 / 3
+"""The least share of AIM that pixels are given. Fewer would hardly be faster if all else takes so long already."""
+
 LEAST = 1 / 16
 """The least scale: the width of a frame, as a share of the full picture's."""
 
@@ -25,7 +28,7 @@ STEPS = 8
 
 
 class Pace:
-    """Learns the seconds of a frame: those that any frame of the scene takes, and those of a pixel.
+    """Learns the seconds of a frame: those that it takes however small it is, and those of a pixel.
 
     Each kind of frame (a technique with its options, say) has its own seconds of a pixel.
     """
@@ -42,7 +45,7 @@ class Pace:
         fixed, each = self._fixed[kind], self._pixel[kind]
         if fixed + each * pixels <= SHARP:
             return 1.0
-        most = max(AIM - fixed, AIM / 8) / each
+        most = max(AIM - fixed, AIM * LEAST_SHARE) / each
         return self._stepped(math.sqrt(most / pixels))
 
     def _stepped(self, scale: float) -> float:
@@ -51,7 +54,7 @@ class Pace:
         return max(2 ** (math.floor(math.log2(scale) * STEPS) / STEPS), LEAST)
 
     def learn(self, kind: Hashable, pixels: int, fixed: float, rest: float) -> None:
-        """Take note of a frame's seconds. fixed: those of its geometry. rest: all others.
+        """Take note of a frame's seconds. rest: those of drawing its pixels. fixed: all others.
 
         The first frame of a kind teaches nothing, as it may have compiled kernels. A slower frame counts by two thirds,
         so that the next ones are in time, but as no more than three times as slow: it may have been held up by others.

@@ -184,8 +184,12 @@ class Painter:
         size = (max(round(width * scale), 1), max(round(height * scale), 1))
         small = replace(view, size=size).with_option("samples", None)
         frame = replace(self._paint(renderer, small), view=view, scale=scale, coarse=renderer is self._coarse)
-        geometry = min(sum(frame.stats.seconds.get(stage, 0.0) for stage in GEOMETRY), frame.seconds)
-        self._pace.learn(kind, size[0] * size[1], geometry, frame.seconds - geometry)
+        stages = frame.stats.seconds
+        geometry = min(sum(stages.get(stage, 0.0) for stage in GEOMETRY), frame.seconds)
+        drawing = sum(seconds for stage, seconds in stages.items() if stage not in (*GEOMETRY, "host", "total"))
+        if view.shows == "error":  # most of it is done on the host, for each pixel
+            drawing = frame.seconds - geometry
+        self._pace.learn(kind, size[0] * size[1], frame.seconds - drawing, drawing)
         self._heavy = self._heavy + 1 if geometry > HEAVY and not frame.coarse else 0
         if self._heavy >= HEAVY_FRAMES and self._coarsening is None:
             self._coarsening = threading.Thread(target=self._coarsen, args=(geometry,), daemon=True)

@@ -66,7 +66,7 @@ class Viewer:
     ) -> None:
         view.check()
         self.renderer = Renderer(scene, device, lanes)
-        self._source, self.say, self._warn = source, say, warn
+        self._source, self.say, self.warn = source, say, warn
         self._lock = threading.RLock()
         alpha = float(np.mean(as_float(scene.colors)[..., 3]))
         self._controls = Controls(view, radius_of(scene.bounds), round(alpha, 2), self, SCREEN, framing)
@@ -198,7 +198,7 @@ class Viewer:
     def _on_error(self, view: View, error: Exception) -> None:
         text = next(iter(str(error).splitlines()), "") or type(error).__name__
         self._notice = text if isinstance(error, ClpeelError) else f"{type(error).__name__}: {text}"
-        self._warn(f"error: {self._notice}")
+        self.warn(f"error: {self._notice}")
         self.refresh()
 
     def _turn(self) -> None:

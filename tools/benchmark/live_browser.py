@@ -198,12 +198,16 @@ class Browser:
             self._settle()
 
     def _settle(self) -> None:
-        """Wait until the last event is answered and the picture at rest has come, but not forever."""
+        """Wait until the last event is answered and the picture at rest has come, but not forever.
+
+        The last message may change nothing, and so needs no picture of its own.
+        """
         until = time.monotonic() + LAST_ANSWER
-        script = "return [recorder.messages.at(-1).clock, recorder.frames.at(-1)]"
+        script = "return [recorder.messages.at(-1), recorder.frames.at(-1), performance.now()]"
         while time.monotonic() < until:
-            clock, last = self._driver.execute_script(script)
-            if last["settled"] and last["answers"] >= clock:
+            message, last, now = self._driver.execute_script(script)
+            nothing_comes = now - max(message["at"], last["decoded"]) > 1000 + 3 * last["milliseconds"]
+            if last["settled"] and (last["answers"] >= message["clock"] or nothing_comes):
                 return
             time.sleep(0.1)
 

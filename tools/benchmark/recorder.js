@@ -4,7 +4,7 @@
   const events = []
   // One for each move of the mouse while a button is down. since: when the browser got it. at: when the page did.
   const messages = []
-  // One for each message that took moves to the server. clock: of the message; they grow.
+  // One for each message that took moves to the server; the last one says that the button is up. clock: of the message; they grow.
   const frames = []
   // One for each picture. decoded: when it was. answers: the clock of the newest message that it was drawn after.
   window.recorder = { events, messages, frames }
@@ -83,7 +83,7 @@
   }
 
   function clpeelSends (message, at) {
-    if (message.type === 'pointer_move') messages.push({ at, clock: message.timestamp })
+    if (message.type === 'pointer_move' || message.type === 'pointer_up') messages.push({ at, clock: message.timestamp })
   }
 
   // --- trame: packed bytes. Mouse messages are counted; live_pyvista.py writes the count behind a picture's bytes ---

@@ -53,11 +53,10 @@ export class View extends window.BaseRenderView {
   onEvent (event) {
     if (!SENT.has(event.type)) return
     if (event.type === 'resize') event = this.size = corrected(event, this.viewElement)
-    if (event.type === 'pointer_move') { // one without a button tells that a drag has ended; more of them tell nothing
-      const dragging = event.buttons.length > 0
-      if (!dragging && !this.dragging) return
-      this.dragging = dragging
-    }
+    // Moves tell something while a button is down. renderview may hold one back until after the button is up, which
+    // has told the place by then. One without a button tells that the button was let go where nobody saw it.
+    if (event.type === 'pointer_move' && !this.dragging) return
+    if (event.type.startsWith('pointer')) this.dragging = event.type !== 'pointer_up' && event.buttons.length > 0
     this.send(event)
   }
 
