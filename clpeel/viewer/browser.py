@@ -12,6 +12,7 @@ import io
 import json
 import secrets
 import socket
+import sys
 import threading
 import time
 import webbrowser
@@ -37,7 +38,10 @@ QUALITY = 85
 """JPEG quality of frames while something moves. What rests is lossless."""
 
 IN_FLIGHT = 2
-"""Frames that a page may not have confirmed yet. More would only be older when they are seen."""
+"""Frames that a page may not have confirmed yet: one on its way, and one that is drawn meanwhile. More would wait."""
+
+SWITCH = 5e-4
+"""Seconds after which threads take turns in Python, so that events do not wait for the painter's own work."""
 
 TYPES = {"html": "text/html; charset=utf-8", "css": "text/css; charset=utf-8", "js": "text/javascript; charset=utf-8"}
 
@@ -259,6 +263,7 @@ class Server:
 def serve(viewer: Viewer, title: str, host: str, port: int, open_page: bool, say: Callable[[str], None]) -> None:
     """Serve the viewer's page until Ctrl-C. open_page: also open it in the user's browser."""
     server = Server(viewer, title, host, port)
+    sys.setswitchinterval(SWITCH)
 
     def started() -> None:
         say(f"open {server.address} (Ctrl-C ends)")

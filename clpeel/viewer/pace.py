@@ -8,10 +8,10 @@ from collections.abc import Hashable
 FRAME = 0.040
 """The most seconds that a frame may take while the hand moves."""
 
-AIM = 0.022
+AIM = 0.012
 """The seconds that a reduced frame aims at. A hand that moves just after a frame has begun waits for two of them."""
 
-SHARP = 0.028
+SHARP = 0.015
 """A frame that takes at most so many seconds at full resolution is not reduced."""
 
 LEAST_SHARE = 1 / 3

@@ -236,9 +236,9 @@ class Painter:
         return Frame(view, image, stats, False, 1.0, time.perf_counter() - begun, errors=errors)
 
     def _coarsen(self, geometry: float) -> None:
-        """Make the coarser scene, whose geometry takes HEAVY / 2 seconds if this scene's takes `geometry`."""
+        """Make the coarser scene, whose geometry takes HEAVY / 3 seconds if this scene's takes `geometry`."""
         scene = self._renderer.scene
-        coarse = coarse_scene(scene, max(int(len(scene.faces) * HEAVY / 2 / geometry), 1000))
+        coarse = coarse_scene(scene, max(int(len(scene.faces) * HEAVY / 3 / geometry), 1000))
         if len(coarse.faces) < len(scene.faces) / 1.5:
             self._coarse = self._renderer.beside(coarse)
 

@@ -30,13 +30,21 @@
     }
   }
 
-  // --- pictures: both pages make a blob of what came, and show it as an image ---
+  // --- pictures: clpeel's page decodes what came into a bitmap, trame's shows it as an image ---
+
+  const { createImageBitmap } = window
+  window.createImageBitmap = async (blob, ...more) => {
+    const frame = clpeelShows(blob)
+    const bitmap = await createImageBitmap.call(window, blob, ...more)
+    if (frame) frames.push({ decoded: performance.now(), ...frame })
+    return bitmap
+  }
 
   const { createObjectURL } = URL
   const pictures = new Map()
   URL.createObjectURL = (blob) => {
     const url = createObjectURL.call(URL, blob)
-    if (blob.type.startsWith('image/')) pictures.set(url, { blob, frame: clpeelShows(blob) })
+    if (blob.type.startsWith('image/')) pictures.set(url, blob)
     return url
   }
 
@@ -44,20 +52,20 @@
   Object.defineProperty(HTMLImageElement.prototype, 'src', {
     ...source,
     set (url) {
-      const picture = pictures.get(url)
+      const blob = pictures.get(url)
       pictures.delete(url)
-      if (picture) this.addEventListener('load', () => loaded(this, picture), { once: true })
+      if (blob) this.addEventListener('load', () => loaded(this, blob), { once: true })
       source.set.call(this, url)
     }
   })
 
-  async function loaded (image, { blob, frame }) {
+  async function loaded (image, blob) {
     let decoded = performance.now()
     try {
       await image.decode()
       decoded = performance.now()
     } catch {} // it shows the next picture by now
-    frame ??= await trameShows(blob)
+    const frame = await trameShows(blob)
     if (frame) frames.push({ decoded, ...frame })
   }
 

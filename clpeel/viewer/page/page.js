@@ -11,6 +11,7 @@ import { Picture } from './picture.js'
 import { listenToTouch } from './touch.js'
 import { View } from './view.js'
 
+const TELL = 100 // milliseconds between two changes of the figures while something moves
 const WIDE = window.matchMedia('(min-width: 900px)') // where there is room for the panel beside the picture
 const PATIENCE = 500 // milliseconds after which the page says that it has not saved yet
 
@@ -23,6 +24,7 @@ answeredKeys.delete('c') // it is told in the terminal
 let steering = null // whether the events of this page count; null while nobody has said
 let notice = ''
 let saving = false
+let told = 0 // when the figures were shown last
 let place = '' // of the latest pointer event
 
 const figures = new Figures(description)
@@ -114,8 +116,11 @@ function showState (state, text) {
 
 function showFrame ({ index, status }, answers) {
   Object.assign(dataset, { frame: index, lossless: status.lossless, full: status.full, technique: status.technique })
-  figures.show(status, steering !== false)
-  panel.show(status)
+  if (status.full || performance.now() - told >= TELL) { // nobody reads faster, and each frame would lay out the page
+    told = performance.now()
+    figures.show(status, steering !== false)
+    panel.show(status)
+  }
   if (status.notice !== notice || (answers && status.notice !== '')) notify(status.notice)
   notice = status.notice
 }

@@ -7,14 +7,13 @@ export class Picture {
    * onShown takes each frame that is shown, and whether an input was waiting for it. onWaiting takes whether the user
    * has waited for a while.
    */
-  constructor (image, onShown, onWaiting) {
-    this.image = image
+  constructor (canvas, onShown, onWaiting) {
+    this.screen = canvas.getContext('bitmaprenderer')
     this.onShown = onShown
     this.onWaiting = onWaiting
     this.frame = null // the one that is shown: {index, status, blob, confirm}
     this.next = null
     this.busy = false
-    this.url = ''
     this.asked = 0 // when the latest input was sent
     this.timer = null
   }
@@ -36,21 +35,16 @@ export class Picture {
   }
 
   async show (frame) {
-    const old = this.url
-    this.url = URL.createObjectURL(frame.blob)
-    this.image.src = this.url
     try {
-      await this.image.decode()
+      this.screen.transferFromImageBitmap(await createImageBitmap(frame.blob)) // an <img> decodes for the next frame alone
     } catch (error) {
       console.error(`frame ${frame.index}: ${error}`)
     }
-    if (old) URL.revokeObjectURL(old)
-    await new Promise(requestAnimationFrame) // none comes while the page is hidden, so the server stops drawing
+    frame.confirm() // at once, so that the next one is drawn while the screen takes this one
     const waited = !this.isAnswered
     this.frame = frame
     this.watch()
     this.onShown(frame, waited && this.isAnswered)
-    frame.confirm()
   }
 
   /** Take note that an input was sent at this time, which a frame must answer. */

@@ -16,7 +16,7 @@ export class View extends window.BaseRenderView {
     this.send = send
     this.size = null // the latest resize
     this.dragging = false
-    this.setThrottle(8)
+    this.setThrottle(0) // browsers tell of one move for each picture of the screen
     this._focusElement.ariaLabel = 'Keys for the scene'
     this.observeRatio(image)
     this.observeWheel(image.parentElement)
