@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 import json
-import os
 import shlex
 import shutil
 import signal
@@ -62,11 +61,8 @@ def needs_browser() -> None:
 @contextmanager
 def served(*words: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Run `clpeel view WORDS` and yield the address that it prints, and the process. Ctrl-C ends it."""
-    command = [sys.executable, "-m", "clpeel", "view", *words, "--backend", "browser", "--no-open"]
-    path = os.pathsep.join(filter(None, (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH"))))
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"}
-    ) as process:
+    command = [sys.executable, "-P", "-u", "-m", "clpeel", "view", *words, "--backend", "browser", "--no-open"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
             line = process.stdout.readline()

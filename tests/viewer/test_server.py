@@ -91,7 +91,8 @@ class Served:
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     found = Served(tmp_path_factory.mktemp("served"))
     yield found
-    assert found.process.poll() is None, "the server ended by itself"
+    code = found.process.poll()
+    assert code is None, f"the server ended by itself with code {code}: {found.process.communicate()}"
     code, _, err = found.end()
     assert code == 0 and "Traceback" not in err
 
