@@ -531,10 +531,10 @@ def test_a_page_that_crashes_in_a_drag_leaves_the_server_well(page: Page, server
 def test_nothing_is_drawn_for_a_hidden_page(page: Page) -> None:
     page.press(" ")
     page.minimize(True)
-    page.wait("document.hidden && window.sent.at(-1).type === 'hide'")
+    page.wait("document.hidden && window.sent.some((each) => each.type === 'hide')")
     received = page.get("window.received")
     page.driver.execute_async_script("setTimeout(arguments[0], 700)")
-    assert page.get("window.received") <= received + 2
+    assert page.get("window.received") <= received + 4  # those on their way; 700 ms of turning are 20 and more
     page.minimize(False)
     page.wait(f"!document.hidden && window.received > {received + 5}")
     page.press(" ")
