@@ -200,7 +200,7 @@ class Painter:
         """Draw the view as `render` does. A newer view ends this."""
         last = self._last
         if last is not None and last.view is view and last.scale == 1 and not last.coarse:
-            if view.options.get("samples", 1) == 1 or view.shows != "picture":
+            if view.options.get("samples", 1) == 1 or view.shows == "error":  # errors have one sample a pixel
                 return replace(last, full=True)  # it is the full picture already
 
         def check(done: float, text: str) -> None:

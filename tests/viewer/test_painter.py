@@ -219,8 +219,9 @@ def test_a_picture_that_fails_is_a_notice_and_the_viewer_goes_on(look: Any) -> N
     screen.wait(lambda frame, _: frame.full and frame.view is viewer.view)
 
 
-def test_heat_maps_show_layers_and_errors(look: Any) -> None:
-    viewer, screen = look(technique="weighted-sum")
+@pytest.mark.parametrize("samples", [1, 4])
+def test_heat_maps_show_layers_and_errors(look: Any, samples: int) -> None:
+    viewer, screen = look(technique="weighted-sum", options={"samples": samples})
     viewer.set("shows", "layers")
     frame, status = screen.wait(lambda frame, _: frame.full and frame.view.shows == "layers")
     expected = clpeel.render(
