@@ -72,11 +72,13 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         progress.clear()
     written = time.perf_counter()
 
+    from clpeel.rendering.result import left_out
+
     seconds = {"load": loaded - started, **result.stats.seconds, "save": written - rendered}
     stats = {**result.stats, "seconds": seconds}
     if not options.quiet:
         say_notes(note for note in result.stats.notes if note not in scene.notes)
-        _warn(options, stats)
+        say_notes(left_out(stats, bounded=options.max_error is not None))
     if options.explain:
         print_text("\n".join(stats["auto"]["explanation"]), aside=outputs.picture == "-")
     if outputs.stats == "-":
@@ -189,20 +191,3 @@ def _write_result(
     if outputs.map is not None:
         write(outputs.map, encode_map(result.map(technique(options.technique).maps[0])))
     return wrote
-
-
-def _warn(options: argparse.Namespace, stats: dict[str, Any]) -> None:
-    """Print what the picture could not show."""
-    if stats.get("discarded"):
-        say(f"note: {stats['discarded']:,} triangles with NaN or infinite vertices were left out")
-    if stats.get("unpaired_pixels"):
-        say(
-            f"note: {stats['unpaired_pixels']:,} pixels have crossings that do not pair up: "
-            "the mesh is not watertight there, or is clipped"
-        )
-    if stats.get("truncated_pixels") and options.max_error is None and "auto" not in stats:
-        unit = "samples" if stats["samples"] > 1 else "pixels"
-        say(
-            f"note: {stats['truncated_pixels']:,} {unit} have more layers than the passes peeled; "
-            f"those change no channel by more than {stats['truncation_bound']:.3g} of 1"
-        )

@@ -106,6 +106,23 @@ class Stats(Mapping[str, Any]):
         return len(self._named())
 
 
+def left_out(stats: Mapping[str, Any], bounded: bool) -> Iterator[str]:
+    """What the picture could not show, one line each. bounded: whether layers were skipped on purpose (`max_error`)."""
+    if stats.get("discarded"):
+        yield f"{stats['discarded']:,} triangles with NaN or infinite vertices were left out"
+    if stats.get("unpaired_pixels"):
+        yield (
+            f"{stats['unpaired_pixels']:,} pixels have crossings that do not pair up: "
+            "the mesh is not watertight there, or is clipped"
+        )
+    if stats.get("truncated_pixels") and not bounded and "auto" not in stats:
+        unit = "samples" if stats["samples"] > 1 else "pixels"
+        yield (
+            f"{stats['truncated_pixels']:,} {unit} have more layers than the passes peeled; "
+            f"those change no channel by more than {stats['truncation_bound']:.3g} of 1"
+        )
+
+
 class Clock:
     """Measures the seconds of a picture, from its request on."""
 

@@ -8,6 +8,7 @@ from typing import Any
 from clpeel.checks import checked_background
 from clpeel.options import options_of
 from clpeel.rendering.request import all_options
+from clpeel.rendering.result import left_out
 from clpeel.techniques import AUTO, TECHNIQUES, option_names, options_class
 from clpeel.viewer.controls import KEYS, OPTION_NAMES, SHOWN
 from clpeel.viewer.painter import Frame
@@ -90,7 +91,7 @@ def status_of(frame: Frame, view: View) -> dict[str, Any]:
         "answers": frame.view.answers,
         "max_error": None if frame.errors is None else frame.errors[0],
         "rms_error": None if frame.errors is None else frame.errors[1],
-        "notes": list(frame.notes),
+        "notes": [*frame.notes, *left_out(stats, bounded=frame.view.options.get("max_error") is not None)],
         "settings": settings(view),
     }
 

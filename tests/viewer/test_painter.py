@@ -233,6 +233,17 @@ def test_heat_maps_show_layers_and_errors(look: Any, samples: int) -> None:
     assert frame.errors is not None and frame.errors[0] > 0.1 and status["max_error"] == frame.errors[0]
 
 
+def test_what_the_picture_lacks_is_a_note(look: Any) -> None:
+    points = scene().vertices.copy()
+    points[0] = np.nan
+    lacking = clpeel.Scene.from_arrays(points, scene().faces, color=(200, 30, 30, 90))
+    viewer, screen = look(lacking, technique="depth-peeling", options={"passes": 1})
+    _, status = screen.wait(lambda frame, _: frame.full)
+    told = " ".join(status["notes"])
+    assert "1 triangles with NaN or infinite vertices were left out" in told
+    assert "pixels have more layers than the passes peeled" in told
+
+
 def test_the_status_has_the_command(look: Any) -> None:
     viewer, screen = look()
     _, status = screen.wait(lambda frame, _: frame.full)
