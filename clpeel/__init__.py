@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from clpeel.rendering.warm_up import Warmed as Warmed
     from clpeel.rendering.warm_up import warm_up as warm_up
     from clpeel.scene.camera import Camera as Camera
+    from clpeel.scene.materials import Material as Material
     from clpeel.scene.scene import Scene as Scene
+    from clpeel.scene.textures import Texture as Texture
     from clpeel.study.compare import compare as compare
     from clpeel.study.comparison import Comparison as Comparison
     from clpeel.study.comparison import Interrupted as Interrupted
@@ -40,11 +42,13 @@ _HOMES = {
     "InputError": "clpeel.errors",
     "Interrupted": "clpeel.study.comparison",
     "Layers": "clpeel.pictures.layers",
+    "Material": "clpeel.scene.materials",
     "NoDeviceError": "clpeel.errors",
     "Renderer": "clpeel.rendering.renderer",
     "Result": "clpeel.rendering.result",
     "Scene": "clpeel.scene.scene",
     "Stats": "clpeel.rendering.result",
+    "Texture": "clpeel.scene.textures",
     "Warmed": "clpeel.rendering.warm_up",
     "compare": "clpeel.study.compare",
     "complexity": "clpeel.study.complexity",

@@ -23,7 +23,7 @@ from clpeel.reading.reader_log import collected
 from clpeel.reading.signatures import check_beginning
 from clpeel.scene.arrays import checked_color, checked_opacity
 from clpeel.scene.duplicates import duplicates
-from clpeel.scene.scene import Scene, joined, recolored
+from clpeel.scene.scene import Scene, joined, recolored, without_faces
 
 KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf")
 """File types that `load` always reads, with or without .gz. It reads more where trimesh has the packages for them."""
@@ -71,9 +71,8 @@ def _without_duplicates(scene: Scene, drop: bool) -> Scene:
             "technique that peels)"
         )
         return replace(scene, notes=(*notes, advice))
-    colors = None if scene.face_colors is None else np.delete(scene.face_colors, found, axis=0)
     said = f"{_DUPLICATES}: {len(found):,} of {total:,} dropped"
-    return replace(scene, faces=np.delete(scene.faces, found, axis=0), face_colors=colors, notes=(*notes, said))
+    return replace(without_faces(scene, found), notes=(*notes, said))
 
 
 def _opened(source: Any) -> Scene:

@@ -53,6 +53,24 @@ def checked_normals(value: ArrayLike, count: int) -> NDArray[np.float32]:
         return np.ascontiguousarray(array, dtype=np.float32)
 
 
+def checked_uv(value: ArrayLike, count: int) -> NDArray[np.float32]:
+    """Return texture coordinates as float32 [count, 2], or raise InputError. What is not finite becomes 0."""
+    array = _array("uv", value)
+    if array.shape != (count, 2) or array.dtype.kind not in "fiu":
+        raise InputError(f"uv: expected [{count}, 2] real numbers, got {_described(array)}")
+    with np.errstate(over="ignore", under="ignore"):
+        uv = np.ascontiguousarray(array, dtype=np.float32)
+    return uv if np.isfinite(uv).all() else np.nan_to_num(uv, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def checked_flags(name: str, value: ArrayLike, count: int) -> NDArray[np.bool_]:
+    """Return value as bool [count], or raise InputError. A single one counts for all."""
+    array = _array(name, value)
+    if array.shape not in ((), (count,)) or array.dtype != bool:
+        raise InputError(f"{name}: expected [{count}] booleans, got {_described(array)}")
+    return np.ascontiguousarray(np.broadcast_to(array, (count,)))
+
+
 def checked_color(name: str, value: ArrayLike) -> Colors:
     """Return one colour as uint8 or float32: [3], or [4] if it has an alpha. Raises InputError.
 

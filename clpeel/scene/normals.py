@@ -217,7 +217,8 @@ def _split(
 
     Those corners get corner_normals [k, 3].
 
-    A vertex is repeated for each further normal that its corners need. Its colours are repeated with it.
+    A vertex is repeated for each further normal that its corners need. Its colours and
+    texture coordinates are repeated with it.
     """
     asking = scene.faces[own].astype(np.int64)
     first, variant = _distinct(np.ascontiguousarray(np.column_stack([asking, corner_normals]).T, dtype=np.float64))
@@ -240,5 +241,6 @@ def _split(
         vertices=np.concatenate([scene.vertices, scene.vertices[source[added]]]),
         faces=faces,
         vertex_colors=None if colors is None else np.concatenate([colors, colors[source[added]]]),
+        uv=None if scene.uv is None else np.concatenate([scene.uv, scene.uv[source[added]]]),
         vertex_normals=_filled(np.concatenate([normals, corner_normals[first[added]]])),
     )

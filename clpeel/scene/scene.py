@@ -19,10 +19,14 @@ from clpeel.scene.arrays import (
     as_float,
     checked_colors,
     checked_faces,
+    checked_flags,
     checked_normals,
     checked_opacity,
+    checked_uv,
     checked_vertices,
 )
+from clpeel.scene.materials import NO_MATERIAL, Material, Surfaces, checked_materials, recolored_material
+from clpeel.scene.textures import linear
 
 _FAR_FROM_ORIGIN = 16.0  # in half diagonals; farther away, float32 spends four bits or more on the offset
 _SCALE_EXPONENT = 60  # outside 2**±60, products of a few coordinates could leave the range of float32
@@ -62,6 +66,12 @@ class Scene:
     faces: int32 [m, 3], indices into vertices. Their order is the submission order.
     Exactly one of face_colors [m, 4], vertex_colors [n, 4] and color [4] is set: RGBA, uint8 0..255 or float32 0..1.
     vertex_normals: float32 [n, 3] of any length, with NaN rows where unknown. None if the source has none.
+    materials: what the colours of faces are made of (materials.py). face_materials: int32 [m], the place of each face's
+    material in `materials`, or NO_MATERIAL; None if there are no materials. On faces that have one, the scene's colours
+    are linear. uv: float32 [n, 2], texture coordinates; (0, 0) is the upper left corner of an image, and v points down.
+    None if no material has a texture.
+    single_sided: bool [m], faces that are seen from their front alone, from where their corners run counterclockwise.
+    None if there are none.
     notes: what the loader could not keep, one line each.
     """
 
@@ -71,6 +81,10 @@ class Scene:
     vertex_colors: Colors | None = None
     color: Colors | None = None
     vertex_normals: NDArray[np.float32] | None = None
+    materials: tuple[Material, ...] = ()
+    face_materials: NDArray[np.int32] | None = None
+    uv: NDArray[np.float32] | None = None
+    single_sided: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
 
     @staticmethod
@@ -83,6 +97,10 @@ class Scene:
         *,
         vertex_normals: ArrayLike | None = None,
         opacity: float | None = None,
+        materials: Sequence[Material] = (),
+        face_materials: ArrayLike | None = None,
+        uv: ArrayLike | None = None,
+        single_sided: ArrayLike | None = None,
     ) -> Scene:
         """Return a scene made from arrays, all of which are checked.
 
@@ -91,6 +109,11 @@ class Scene:
         without alpha are opaque. color may also be text, such as "steelblue" or "#rrggbbaa". Without any colour, it is
         DEFAULT_COLOR.
         vertex_normals: [n, 3] of any length. opacity: 0..1, replaces every alpha.
+        materials: of faces (materials.py). face_materials: [m] integers, which of these each face has, or -1 for none;
+        by default the first. On faces with a material, the colours given here are linear, and white by default.
+        uv: [n, 2] texture coordinates, where (0, 0) is the upper left corner of an image. They are needed if a material
+        has a texture.
+        single_sided: [m] booleans, or one: faces that are seen from their front alone.
 
         Raises InputError, which names the argument, what was expected and what was given.
         """
@@ -100,8 +123,15 @@ class Scene:
         names = [name for name, value in given.items() if value is not None]
         if len(names) > 1:
             raise InputError(f"colours: expected at most one of {', '.join(given)}, got {' and '.join(names)}")
-        if not names:
+        of_faces = checked_materials(materials, face_materials, len(triangles))
+        if not names and of_faces is None:
             color = np.array(DEFAULT_COLOR, np.uint8)
+        elif not names and of_faces is not None:
+            own = np.full((len(triangles), 4), 255, np.uint8)
+            own[of_faces == NO_MATERIAL] = DEFAULT_COLOR
+            color, face_colors = (own[0], None) if (own == own[0]).all() else (None, own)
+        if uv is None and any(material.texture is not None for material in materials):
+            raise InputError("uv: expected texture coordinates for a material with a texture, got none")
         scene = Scene(
             points,
             triangles,
@@ -111,6 +141,10 @@ class Scene:
             else checked_colors("vertex_colors", vertex_colors, (len(points),)),
             color=None if color is None else checked_colors("color", color, ()),
             vertex_normals=None if vertex_normals is None else checked_normals(vertex_normals, len(points)),
+            materials=tuple(materials),
+            face_materials=of_faces,
+            uv=None if uv is None else checked_uv(uv, len(points)),
+            single_sided=None if single_sided is None else checked_flags("single_sided", single_sided, len(triangles)),
         )
         return scene if opacity is None else recolored(scene, None, checked_opacity(opacity))
 
@@ -128,30 +162,62 @@ class Scene:
         corners.flags.writeable = False
         return corners
 
-    @cached_property
+    @property
     def opaque(self) -> bool:
-        """Whether every alpha is 1."""
-        alpha = self.colors[..., 3]
-        return bool((alpha == (255 if alpha.dtype == np.uint8 else 1)).all())
+        """Whether no fragment is transparent."""
+        return self.surfaces == "opaque"
+
+    @property
+    def surfaces(self) -> str:
+        """ "opaque" if all faces are opaque (all their alphas are 1), "transparent" if nothing is, else "mixed"."""
+        return self.kinds.name
 
     @cached_property
-    def surfaces(self) -> str:
-        """ "opaque" if all faces are opaque (all their alphas are 1), "transparent" if none is, else "mixed"."""
-        alpha = np.atleast_1d(self.colors[..., 3])
-        solid = alpha == (255 if alpha.dtype == np.uint8 else 1)
-        if self.vertex_colors is not None and solid.any():
-            solid = solid[self.faces].all(axis=1)
-        return "opaque" if solid.all() else "mixed" if solid.any() else "transparent"
+    def kinds(self) -> Surfaces:
+        """What kind each face is. Where all faces are alike, the arrays are views of one element."""
+        count = len(self.faces)
+        alpha = self.colors[..., 3]
+        solid: NDArray[np.bool_] = np.asarray(alpha == (255 if alpha.dtype == np.uint8 else 1))
+        if self.vertex_colors is not None:
+            solid = np.all(solid[self.faces], axis=1) if solid.any() else np.zeros(1, bool)
+        no = np.broadcast_to(np.zeros(1, bool), (count,))
+        if self.face_materials is None:
+            return Surfaces(np.broadcast_to(solid, (count,)), no, no)
+        opaque, routed, hiding = np.broadcast_to(solid, (count,)).copy(), no.copy(), no.copy()
+        unit = as_float(self.colors)[..., 3]
+        for place, material in enumerate(self.materials):
+            own = np.flatnonzero(self.face_materials == place)
+            if self.vertex_colors is not None:
+                corners = unit[self.faces[own]]
+            else:
+                corners = np.broadcast_to(unit, (count,))[own]
+            if len(own):
+                opaque[own], routed[own], hiding[own] = material.kinds(corners)
+        return Surfaces(opaque, routed, hiding)
 
     @cached_property
     def optical_depths(self) -> OpticalDepths:
-        """Statistics of how much light the transparent colours absorb."""
+        """Statistics of how much light the transparent colours absorb. Textures count with all their texels."""
         alpha = np.atleast_1d(self.colors[..., 3])
-        if alpha.dtype == np.uint8:
-            counts = np.bincount(alpha.reshape(-1), minlength=256)[:255]
-            values = np.arange(255) / 255
-        else:
-            values, counts = np.unique(alpha[alpha < 1].astype(np.float64), return_counts=True)
+        values, counts = _counted(alpha)
+        if self.face_materials is not None:
+            plain = self.face_materials == NO_MATERIAL
+            own = alpha[self.faces[plain]].reshape(-1) if self.vertex_colors is not None else alpha[:1]
+            own = alpha[plain] if self.face_colors is not None else own
+            found = [_counted(own)] if plain.any() else []
+            faces = np.bincount(self.face_materials[~plain], minlength=len(self.materials))
+            for material, count in zip(self.materials, faces, strict=True):
+                if count and material.alpha_mode == "BLEND":
+                    tint = float(as_float(alpha).max()) if material.alpha_of_scene else 1.0
+                    tint *= material.opacity * material.base_color[3]
+                    texels = np.ones(1, np.float32) if material.texture is None else material.texture.image[..., 3]
+                    levels, shares = _counted(texels, below=1.0 if tint == 1 else 1.1)
+                    found.append((levels * tint, shares * (count / max(texels.size, 1))))
+                elif count and material.opacity < 1:
+                    found.append((np.array([material.opacity]), np.array([float(count)])))
+            values, counts = (
+                (np.concatenate(each) for each in zip(*found, strict=True)) if found else (values[:0], counts[:0])
+            )
         if counts.sum() == 0:
             return OpticalDepths(0.0, 0.0, 0.0)
         depths = -np.log1p(-values)
@@ -198,6 +264,15 @@ class Scene:
         return bundle(self)
 
 
+def _counted(alpha: Colors, below: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the distinct alphas below a bound, 0..1, and how often each occurs."""
+    if alpha.dtype == np.uint8:
+        values, counts = np.arange(256) / 255, np.bincount(alpha.reshape(-1), minlength=256)
+        return values[values < below], counts[values < below].astype(np.float64)
+    values, counts = np.unique(alpha[alpha < below].astype(np.float64), return_counts=True)
+    return values, counts.astype(np.float64)
+
+
 # --- several scenes in one ------------------------------------------------------------------------------------------
 
 
@@ -226,9 +301,42 @@ def joined(scenes: Sequence[Scene]) -> Scene:
     normals = None
     if any(scene.vertex_normals is not None for scene in scenes):
         normals = np.concatenate([_normals_or_nan(scene) for scene in scenes])
+    uv = None
+    if any(scene.uv is not None for scene in scenes):
+        uv = np.concatenate([np.zeros((len(s.vertices), 2), np.float32) if s.uv is None else s.uv for s in scenes])
+    single_sided = None
+    if any(scene.single_sided is not None for scene in scenes):
+        parts = [np.zeros(len(s.faces), bool) if s.single_sided is None else s.single_sided for s in scenes]
+        single_sided = np.concatenate(parts)
     vertices = np.concatenate([scene.vertices for scene in scenes])
     faces = np.concatenate([scene.faces + np.int32(start) for scene, start in zip(scenes, starts, strict=False)])
-    return Scene(vertices, faces, vertex_normals=normals, notes=notes, **colors)
+    materials, face_materials = _joined_materials(scenes)
+    return Scene(
+        vertices,
+        faces,
+        vertex_normals=normals,
+        materials=materials,
+        face_materials=face_materials,
+        uv=uv,
+        single_sided=single_sided,
+        notes=notes,
+        **colors,
+    )
+
+
+def _joined_materials(scenes: Sequence[Scene]) -> tuple[tuple[Material, ...], NDArray[np.int32] | None]:
+    """Return the materials of all scenes, each once, and the material of each face."""
+    if not any(scene.materials for scene in scenes):
+        return (), None
+    places: dict[Material, int] = {}
+    of_faces = list[NDArray[np.int32]]()
+    for scene in scenes:
+        if scene.face_materials is None:
+            of_faces.append(np.full(len(scene.faces), NO_MATERIAL, np.int32))
+            continue
+        own = [places.setdefault(material, len(places)) for material in scene.materials]
+        of_faces.append(np.array([*own, NO_MATERIAL], np.int32)[scene.face_materials])  # NO_MATERIAL is the last place
+    return tuple(places), np.concatenate(of_faces)
 
 
 def _normals_or_nan(scene: Scene) -> NDArray[np.float32]:
@@ -243,15 +351,28 @@ def _stacked(scenes: Sequence[Scene], counts: Sequence[int]) -> Colors:
 
 
 def with_vertex_colors(scene: Scene) -> Scene:
-    """Convert a scene with face colours to one with vertex colours that looks the same.
+    """Return a scene with colours of faces or vertices as one with vertex colours that looks the same.
 
     Each face gets its own vertices.
     """
     corners = scene.faces.reshape(-1)
-    normals = None if scene.vertex_normals is None else scene.vertex_normals[corners]
-    colors = np.repeat(scene.colors, 3, axis=0)
-    faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-    return Scene(scene.vertices[corners], faces, vertex_colors=colors, vertex_normals=normals, notes=scene.notes)
+    colors = scene.vertex_colors[corners] if scene.vertex_colors is not None else np.repeat(scene.colors, 3, axis=0)
+    return replace(
+        scene,
+        vertices=scene.vertices[corners],
+        faces=np.arange(len(corners), dtype=np.int32).reshape(-1, 3),
+        face_colors=None,
+        vertex_colors=colors,
+        vertex_normals=None if scene.vertex_normals is None else scene.vertex_normals[corners],
+        uv=None if scene.uv is None else scene.uv[corners],
+    )
+
+
+def without_faces(scene: Scene, places: NDArray[Any]) -> Scene:
+    """Return the scene without the faces at these places. Its vertices stay."""
+    names = ("faces", "face_colors", "face_materials", "single_sided")
+    kept = {name: getattr(scene, name) for name in names if getattr(scene, name) is not None}
+    return replace(scene, **{name: np.delete(array, places, axis=0) for name, array in kept.items()})
 
 
 # --- checks ---------------------------------------------------------------------------------------------------------
@@ -260,9 +381,18 @@ def with_vertex_colors(scene: Scene) -> Scene:
 def recolored(scene: Scene, color: Colors | None, opacity: float | None) -> Scene:
     """Return the scene with its rgb replaced by color [3], and its alpha replaced by opacity. None keeps what there is.
 
-    A color [4] replaces the alpha, too, before opacity does.
+    A color [4] replaces the alpha, too, before opacity does. Where a texture cuts holes or blends, it still does.
     """
-    colors = scene.colors
+    if scene.face_materials is not None:
+        return _recolored_materials(scene, color, opacity)
+    colors = _recolored_colors(scene.colors, color, opacity)
+    fields: dict[str, Any] = {"face_colors": None, "vertex_colors": None, "color": None}
+    fields["color" if colors.ndim == 1 else "vertex_colors" if scene.face_colors is None else "face_colors"] = colors
+    return _with_bounds(replace(scene, **fields), scene)
+
+
+def _recolored_colors(colors: Colors, color: Colors | None, opacity: float | None) -> Colors:
+    """Return the colours [..., 4], or one colour [4] if they are all alike now."""
     if color is not None:
         if len(color) == 4 or colors.ndim == 1 or (colors[..., 3] == colors[0, 3]).all():
             alpha = color[3:] if len(color) == 4 else colors.reshape(-1, 4)[0, 3:]
@@ -276,9 +406,32 @@ def recolored(scene: Scene, color: Colors | None, opacity: float | None) -> Scen
         whole = abs(level - round(level)) <= 1e-9
         colors = colors.copy() if whole or colors.dtype != np.uint8 else as_float(colors)
         colors[..., 3] = round(level) if colors.dtype == np.uint8 else opacity
-    fields: dict[str, Any] = {"face_colors": None, "vertex_colors": None, "color": None}
-    fields["color" if colors.ndim == 1 else "vertex_colors" if scene.face_colors is None else "face_colors"] = colors
-    found = replace(scene, **fields)
-    if "bounds" in vars(scene):  # known already, and no colour changes them
+    return colors
+
+
+def _recolored_materials(scene: Scene, color: Colors | None, opacity: float | None) -> Scene:
+    """Do the same as recolored for a scene with materials: faces with a material keep the scene's colours."""
+    rgb = None if color is None else tuple(float(value) for value in linear(as_float(color)[:3]))
+    alpha = float(as_float(color)[3]) if color is not None and len(color) == 4 and opacity is None else opacity
+    materials = tuple(recolored_material(material, rgb, alpha) for material in scene.materials)
+    found = _with_bounds(replace(scene, materials=materials), scene)
+    assert scene.face_materials is not None
+    plain = scene.face_materials == NO_MATERIAL
+    if not plain.any():
+        return found
+    if scene.vertex_colors is not None:
+        found = with_vertex_colors(found)
+        plain = np.repeat(plain, 3)
+    own = np.broadcast_to(found.colors, (len(plain), 4))
+    old, new = alike([own, np.broadcast_to(_recolored_colors(own, color, opacity), own.shape)])
+    colors = np.where(plain[:, None], new, old)
+    if scene.vertex_colors is not None:
+        return replace(found, vertex_colors=colors)
+    return replace(found, color=None, face_colors=colors)
+
+
+def _with_bounds(found: Scene, scene: Scene) -> Scene:
+    """Give a scene the bounds of another one, which has the same vertices and faces, if they are known."""
+    if "bounds" in vars(scene):
         vars(found)["bounds"] = scene.bounds
     return found

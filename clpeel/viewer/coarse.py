@@ -24,8 +24,8 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
     """Return a scene of at most so many triangles, as far as LEAST_CELLS allow, that looks like the scene from afar.
 
     Triangles whose corners fall into fewer than three cells vanish, and of triangles with the same three cells the
-    first stays. A triangle keeps its colour; a corner gets the mean place of its cell, and the colour of the first
-    vertex there.
+    first stays. A triangle keeps its colour; a corner gets the mean place of its cell, and the colour and the
+    texture coordinates of the first vertex there.
     """
     cells = FIRST_CELLS
     cell, faces, kept = _clustered(scene, cells)
@@ -50,6 +50,9 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
         face_colors=None if scene.face_colors is None else scene.face_colors[kept],
         vertex_colors=None if scene.vertex_colors is None else scene.vertex_colors[first],
         vertex_normals=None,
+        uv=None if scene.uv is None else scene.uv[first],
+        face_materials=None if scene.face_materials is None else scene.face_materials[kept],
+        single_sided=None if scene.single_sided is None else scene.single_sided[kept],
     )
 
 
