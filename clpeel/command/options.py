@@ -13,7 +13,7 @@ from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
 
-METHOD = ("opaque", "depth_format", "execution")
+METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy")
 """Options of all pictures whose flags stand beside those of the techniques."""
 """The options of all pictures, by name."""
 

@@ -92,6 +92,11 @@ ALL_LAYERS = (1 << 32) - 1
 AMBIENT = 0.2
 """The share of the headlight that does not depend on the normal. The rest is multiplied with |cos|."""
 
+# Flags of a material, one bit each (records.py, MATERIAL). What they mean: kernels/shading/materials.h and textures.h.
+CUT, BLENDED, UNLIT, RGB_OF_SCENE, ALPHA_OF_SCENE, ROUTED_BY_TEXELS, HIDES, TEXTURED = (1 << bit for bit in range(8))
+FLOAT_TEXELS, MIRROR_U, CLAMP_U, MIRROR_V, CLAMP_V = (1 << bit for bit in range(8, 13))
+MAGNIFY_LINEAR, MINIFY_LINEAR, BETWEEN_LEVELS = (1 << bit for bit in range(13, 16))
+
 DepthFormat = Literal["float32-reversed", "float32", "unorm24", "rgba8"]
 DEPTH_FORMATS: tuple[DepthFormat, ...] = get_args(DepthFormat)
 """How a depth is stored. The order is that of the kernels' numbers (depth.h)."""
@@ -168,12 +173,17 @@ class Features:
     packed_color: bool = True  # colours come as 4 bytes rather than 4 floats
     headlight: bool = False
     surfaces: str = "transparent"  # or "opaque", or "mixed": opaque faces are marked and drawn first
+    materials: bool = False  # faces may have materials
+    routed: bool = False  # the texels of some say which of their fragments are there
+    hiding: bool = False  # and which of them are opaque
+    levels: bool = False  # textures have mip maps, or filters of which level of detail chooses one
+    probes: int = 1  # the most samples of a texture along a pixel's longer side
     depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED]
 
     @property
     def fragment_color(self) -> bool:
         """Whether each fragment has a colour of its own, instead of its face's colour."""
-        return self.color_rate == "vertex" or self.headlight
+        return self.color_rate == "vertex" or self.headlight or self.materials
 
     @property
     def fragment_bytes(self) -> int:
@@ -205,6 +215,11 @@ class Features:
             "HEADLIGHT": int(self.headlight),
             "FRAGMENT_COLOR": int(self.fragment_color),
             "MIXED": int(self.surfaces == "mixed"),
+            "MATERIALS": int(self.materials),
+            "ROUTED": int(self.routed),
+            "HIDING": int(self.hiding),
+            "LEVELS": int(self.levels),
+            "PROBES": self.probes,
             "DEPTH_FORMAT": DEPTH_FORMATS.index(self.depth_format),
         }
         return [f"-D{name}={value}" for name, value in flags.items()]

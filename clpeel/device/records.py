@@ -34,6 +34,21 @@ TRIANGLE = np.dtype(
 )
 """A record: what the rasterizer needs of a triangle. It has 64 bytes, a cache line."""
 
+MATERIAL = np.dtype(
+    [
+        ("base_color", np.float32, 4),  # linear
+        ("opacity", np.float32),
+        ("alpha_cutoff", np.float32),
+        ("flags", np.uint32),  # CUT | BLENDED | ... (layout.py)
+        ("texture", np.uint32),  # where its texture begins among all words of textures
+        ("width", np.int32),  # of its texture, in texels
+        ("height", np.int32),
+        ("last_level", np.int32),  # of its texture's mip map
+        ("spare", np.uint32),
+    ]
+)
+"""A material (clpeel/scene/materials.py)."""
+
 SCREEN = np.dtype(
     [
         ("first_tile", np.uint32),  # of the batch, in the picture
@@ -92,7 +107,7 @@ COUNT_TOTALS = np.dtype(
 TOTALS = {"PEEL": PEEL_TOTALS, "COUNT": COUNT_TOTALS}
 """Totals that kernels keep as arrays of uints. In a kernel, PEEL_LAYERS is the place of `layers` in PEEL_TOTALS."""
 
-STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE, "Screen": SCREEN}
+STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE, "Material": MATERIAL, "Screen": SCREEN}
 
 _C_TYPES = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
 

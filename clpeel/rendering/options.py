@@ -16,6 +16,7 @@ Size = tuple[int, int]
 Lighting = Literal["none", "headlight"]
 Opaque = Literal["first", "blend"]
 Execution = Literal["tiles", "passes"]
+Backfaces = Literal["default", "visible", "hidden"]
 
 SAMPLES_A_SIDE = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples of a pixel, and samples on its side. The side divides that of a tile, so a pixel's samples share a tile."""
@@ -64,6 +65,12 @@ class PictureOptions(Options):
     opaque: Opaque = option("first", help="draw opaque surfaces first (default), or blend them as any other")
     execution: Execution = option(
         "tiles", help="draw tile by tile (default), or pass by pass as the papers do, where the technique can"
+    )
+    backface_type: Backfaces = option(
+        "default", help="faces seen from behind: drawn unless the file says one side only (default), visible, or hidden"
+    )
+    anisotropy: Literal[1, 2, 4, 8, 16] = option(
+        1, help="the most samples of a texture where it is seen at a slant: 1, 2, 4, 8 or 16"
     )
     depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
 

@@ -203,6 +203,8 @@ class Renderer:
             request.lit,
             request.opaque_first,
             request.picture.depth_format,
+            backfaces=request.backfaces,
+            probes=request.picture.anisotropy,
         )
 
     def _picture(self, request: Request) -> Picture:
@@ -228,6 +230,8 @@ class Renderer:
             keep_coincident=request.keep_coincident,
             opaque_first=request.opaque_first,
             depth_format=request.picture.depth_format,
+            backfaces=request.backfaces,
+            probes=request.picture.anisotropy,
         )
         layers = find_layers(self.gpu, scene, peeled, budget, request.report)
         seconds = stats.seconds

@@ -109,6 +109,12 @@ class Request:
         return self.picture.opaque == "first" and not self.technique.all_surfaces
 
     @property
+    def backfaces(self) -> str:
+        """Which faces seen from behind are drawn. Techniques that measure all surfaces need both sides of them."""
+        chosen = self.picture.backface_type
+        return "visible" if chosen == "default" and self.technique.all_surfaces else chosen
+
+    @property
     def keep_coincident(self) -> bool:
         """Whether all fragments of equal depth are kept."""
         return getattr(self.options, "coincident", "keep") == "keep"

@@ -72,11 +72,12 @@ class Counted:
 
 
 def counting_kernel(gpu: Workspace, features: Features) -> Kernel:
-    """The counting kernel. Colours do not affect counts.
+    """The counting kernel. Colours do not affect counts, unless texels route fragments.
 
     So the features of colours have fixed values here, and fewer kernels are built.
     """
     plain = Features(features.lanes, surfaces=features.surfaces, depth_format=features.depth_format)
+    plain = features if features.routed else plain
     return program(gpu, "stages/counting.cl", plain, ALL_OPAQUE=int(features.surfaces == "opaque"))["count_layers"]
 
 
@@ -88,14 +89,18 @@ def count_layers(
     opaque_first: bool,
     limit: int | None = None,
     report: Callable[[float], None] | None = None,
+    *,
+    backfaces: str = "default",
+    probes: int = 1,
 ) -> Counted:
     """Counts the layers of a view, batch by batch. The scene and a batch's lists fit `limit` bytes together.
 
     size: (width, height) in pixels. opaque_first: leave fragments behind opaque surfaces out of the counts. limit: None
-    for a share of the device's memory. report: called now and then with the share done, 0..1.
+    for a share of the device's memory. report: called now and then with the share done, 0..1. backfaces, probes: as for
+    `project`.
     """
     gpu.events.clear()
-    triangles = project(gpu, scene, camera, size, False, opaque_first)
+    triangles = project(gpu, scene, camera, size, False, opaque_first, backfaces=backfaces, probes=probes)
     budget = Budget.of(gpu, limit, scene.nbytes + triangles.nbytes)
     tiles = bin_triangles(gpu, triangles, budget.lists)
     kernel = counting_kernel(gpu, triangles.features)
@@ -114,7 +119,13 @@ def count_layers(
             groups_for(gpu, batch),
             batch,
             at_tile,
-            {**walk_arguments(triangles, batch), "chosen": None, "layers": on_device, "tile_totals": totals},
+            {
+                **walk_arguments(triangles, batch),
+                **triangles.shading,
+                "chosen": None,
+                "layers": on_device,
+                "tile_totals": totals,
+            },
         )
         found.append(gpu.get(totals, batch.tiles, COUNT_TOTALS))
     mapped, _ = cl.enqueue_map_buffer(
@@ -153,6 +164,7 @@ def look_at_some(gpu: Workspace, triangles: Triangles, batch: Batch) -> TileCoun
         min(groups_for(gpu, batch), len(chosen)),
         gpu.lanes,
         **walk_arguments(triangles, batch),
+        **triangles.shading,
         next_tile=gpu.put("next_tile", np.zeros(1, np.uint32)),
         to_tile=len(chosen),
         chosen=gpu.put("chosen", chosen.astype(np.uint32)),

@@ -59,7 +59,7 @@ class Peeled:
     size: (width, height) in pixels. lit: whether there is a headlight. front, back: how many transparent layers of a
     pixel are peeled from the front, and from the back. keep_coincident: peel all fragments of equal depth, instead of
     only the first submitted. opaque_first: whether a pixel's layers end with the first opaque one. depth_format: one of
-    DEPTH_FORMATS (layout.py).
+    DEPTH_FORMATS (layout.py). backfaces, probes: as for `project`.
     """
 
     camera: Camera
@@ -70,6 +70,8 @@ class Peeled:
     keep_coincident: bool
     opaque_first: bool
     depth_format: DepthFormat
+    backfaces: str
+    probes: int
 
 
 @dataclass
@@ -98,7 +100,16 @@ def find_layers(
     gpu.release(*TURNS)
     try:
         # Without opaque_first: a pixel's list then has its opaque and transparent fragments in the order of submission.
-        triangles = project(gpu, scene, peeled.camera, peeled.size, peeled.lit, depth_format=peeled.depth_format)
+        triangles = project(
+            gpu,
+            scene,
+            peeled.camera,
+            peeled.size,
+            peeled.lit,
+            depth_format=peeled.depth_format,
+            backfaces=peeled.backfaces,
+            probes=peeled.probes,
+        )
         features = triangles.features
         tiles = bin_triangles(gpu, triangles, budget.lists)
         each = features.fragment_bytes + FRAGMENT_BYTES + (SOURCE_BYTES if features.fragment_color else 0)

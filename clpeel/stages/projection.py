@@ -86,6 +86,10 @@ class Triangles:
             "palette": self.scene.palette,
             "normals": self.scene.normals,
             "weights": self.weights,
+            "uv": self.scene.uv,
+            "material_of": self.scene.material_of,
+            "materials": self.scene.materials,
+            "textures": self.scene.textures,
         }
 
     @property
@@ -141,25 +145,42 @@ def project(
     headlight: bool,
     opaque_first: bool = False,
     depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED],
+    *,
+    backfaces: str = "default",
+    probes: int = 1,
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height), in samples.
 
     headlight: whether a light at the camera shades the colours. opaque_first: list opaque faces before the others;
     without it all faces count as transparent. depth_format: one of DEPTH_FORMATS, how fragments keep their depths.
+    backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", unless they are single-sided.
+    probes: the most
+    samples of a texture along a pixel's longer side.
     """
+    surfaces = scene.surfaces if opaque_first else "transparent"
+    materials = scene.material_of is not None
     features = Features(
         lanes=gpu.lanes,
         color_rate=scene.color_rate,
         packed_color=scene.packed_color,
         headlight=headlight,
-        surfaces=scene.surfaces if opaque_first else "transparent",
+        surfaces=surfaces,
         depth_format=depth_format,
+        materials=materials,
+        routed=scene.shading.routed,
+        hiding=scene.shading.hiding and surfaces == "mixed",
+        levels=scene.shading.levels,
+        probes=probes if scene.shading.levels else 1,
     )
     view = view_of(gpu, scene, camera, size, depth_format)
     vertices = _project_vertices(gpu, scene, view, features)
     corners: Arguments = {"faces": scene.faces, "vertex_count": len(scene.scene.vertices), "vertices": vertices}
-    lists = _list_triangles(gpu, scene, view, features, corners)
-    outputs = _set_up(gpu, scene, view, features, corners, lists)
+    sides: Arguments = {
+        "single_sided": scene.single_sided if backfaces == "default" else None,
+        "all_single_sided": backfaces == "hidden",
+    }
+    lists = _list_triangles(gpu, scene, view, features, {**corners, **sides})
+    outputs = _set_up(gpu, scene, view, features, corners, lists, sides)
     direction = camera.axes()[2]
     return Triangles(
         scene=scene,
@@ -238,9 +259,9 @@ def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Fe
         -(-face_count // features.wide),
         None,
         face_count=face_count,
-        palette=scene.palette if features.surfaces == "mixed" else None,
-        vertex_colors=scene.color_rate == "vertex",
-        packed=scene.packed_color,
+        palette=(scene.opaque_faces or scene.palette) if features.surfaces == "mixed" else None,
+        vertex_colors=scene.color_rate == "vertex" and scene.opaque_faces is None,
+        packed=scene.packed_color or scene.opaque_faces is not None,
         states=states,
         **corners,
         **view.size,
@@ -275,7 +296,13 @@ def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Fe
 
 
 def _set_up(
-    gpu: Workspace, scene: DeviceScene, view: View, features: Features, corners: Arguments, lists: _Lists
+    gpu: Workspace,
+    scene: DeviceScene,
+    view: View,
+    features: Features,
+    corners: Arguments,
+    lists: _Lists,
+    sides: Arguments,
 ) -> dict[str, cl.Buffer]:
     """Makes the records of the listed faces, and of the pieces of clipped faces."""
     count = lists.listed_count + CLIP_TRIANGLES * lists.clipped_count
@@ -307,6 +334,7 @@ def _set_up(
             clipped_count=lists.clipped_count,
             faces=scene.faces,
             perspective=view.perspective,
+            **sides,
             **lists.arguments,
             **view.points,
             **view.size,

@@ -139,7 +139,7 @@ class Stream:
         pixel_end = gpu.buffer("pixel_end", 4 * TILE_PIXELS * batch.tiles)
         tile_totals = gpu.buffer("tile_totals", WINDOW_TOTALS.itemsize * batch.tiles)
         outputs = {"z_far": z_far, "pixel_end": pixel_end, "tile_totals": tile_totals}
-        self._launch("count_fragments", batch.tiles, {**walk, **outputs})
+        self._launch("count_fragments", batch.tiles, {**walk, **triangles.shading, **outputs})
         totals = gpu.get(tile_totals, batch.tiles, WINDOW_TOTALS)["fragments"].astype(np.int64)
         starts = gpu.put("tile_start", (np.cumsum(totals) - totals).astype(np.uint32))
         return Part(batch, totals, pixel_end, starts, z_far, behind, opaque_samples)

@@ -9,8 +9,9 @@ import pyopencl as cl
 
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
-from clpeel.scene.arrays import Colors
+from clpeel.scene.arrays import AnyArray, Colors
 from clpeel.scene.scene import Positions, Scene
+from clpeel.stages.shading import Packed, Shading, material_table, packed_textures, shading_of
 
 MOST_ITEMS = 2**31 // 3
 """The most vertices or faces of a scene. Each has three numbers, and kernels gather them by signed 32-bit places."""
@@ -23,7 +24,11 @@ class DeviceScene:
     grid: positions are (vertex - grid.origin) * grid.scale. positions, low_positions: float32 [n, 3], high and low
     parts; low_positions is None if all low parts are 0. faces: uint32 [m, 3]. palette: straight RGBA as given, uint8 or
     float32 [k, 4]; k is 1, n or m. normals: float32 [n, 3] or None. color_rate: "scene", "face" or "vertex".
-    packed_color: whether the palette is uint8. surfaces: "opaque", "transparent" or "mixed". nbytes: of all arrays.
+    packed_color: whether the palette is uint8. surfaces: "opaque", "transparent" or "mixed". shading: what its materials
+    need of kernels. uv: float32 [n, 2]; material_of: int32 [m]; materials: MATERIAL [j]; textures: uint32; packed: the
+    same textures on the host. All of them are None if there are no materials. single_sided: uint8 [m] or None.
+    opaque_faces: uint32 [m], bytes of a colour whose alpha is 255 where a face is opaque; None if the palette says so.
+    nbytes: of all arrays.
     """
 
     scene: Scene
@@ -36,6 +41,14 @@ class DeviceScene:
     color_rate: str
     packed_color: bool
     surfaces: str
+    shading: Shading
+    uv: cl.Buffer | None
+    material_of: cl.Buffer | None
+    materials: cl.Buffer | None
+    textures: cl.Buffer | None
+    packed: Packed | None
+    single_sided: cl.Buffer | None
+    opaque_faces: cl.Buffer | None
     nbytes: int
 
 
@@ -51,13 +64,20 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False) -> DeviceScene:
         )
     grid = scene.positions()
     rate, colors = _palette(scene)
-    arrays = {"positions": grid.hi, "faces": scene.faces, "palette": colors}
+    arrays: dict[str, AnyArray] = {"positions": grid.hi, "faces": scene.faces, "palette": colors}
     if grid.lo is not None:
         arrays["low_positions"] = grid.lo
     if normals and scene.vertex_normals is not None:
         arrays["normals"] = scene.vertex_normals
-    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    held = {name: cl.Buffer(gpu.context, flags, hostbuf=np.ascontiguousarray(array)) for name, array in arrays.items()}
+    if scene.single_sided is not None:
+        arrays["single_sided"] = scene.single_sided.view(np.uint8)
+    packed = None
+    if scene.face_materials is not None:
+        packed = packed_textures(scene.materials)
+        arrays["material_of"], arrays["textures"] = scene.face_materials, packed.words
+        arrays["uv"] = np.zeros((len(scene.vertices), 2), np.float32) if scene.uv is None else scene.uv
+        arrays |= _of_materials(scene, packed)
+    held = _buffers(gpu, arrays)
     return DeviceScene(
         scene=scene,
         grid=grid,
@@ -69,21 +89,59 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False) -> DeviceScene:
         color_rate=rate,
         packed_color=colors.dtype == np.uint8,
         surfaces=scene.surfaces,
+        shading=shading_of(scene),
+        uv=held.get("uv"),
+        material_of=held.get("material_of"),
+        materials=held.get("materials"),
+        textures=held.get("textures"),
+        packed=packed,
+        single_sided=held.get("single_sided"),
+        opaque_faces=held.get("opaque_faces"),
         nbytes=sum(array.nbytes for array in arrays.values()),
     )
 
 
-def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
-    """Puts a scene on the device that differs from the one there in its colours alone. Only these are copied."""
-    rate, colors = _palette(scene)
+def _of_materials(scene: Scene, packed: Packed) -> dict[str, AnyArray]:
+    """The arrays that depend on the materials' numbers, but not on their textures."""
+    opaque = np.where(scene.kinds.opaque, np.uint32(0xFF000000), np.uint32(0))
+    return {"materials": material_table(scene, packed), "opaque_faces": opaque}
+
+
+def _buffers(gpu: Workspace, arrays: dict[str, AnyArray]) -> dict[str, cl.Buffer]:
+    """Copies the arrays to the device. Raises InputError if one is larger than the device's memory allows."""
+    most = int(gpu.device.max_mem_alloc_size)
+    for name, array in arrays.items():
+        if array.nbytes > most:
+            raise InputError(
+                f"scene: expected {name} of at most {most / 2**20:,.0f} MiB, which is what the device allocates at once, "
+                f"got {array.nbytes / 2**20:,.0f} MiB"
+            )
     flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+    return {name: cl.Buffer(gpu.context, flags, hostbuf=np.ascontiguousarray(array)) for name, array in arrays.items()}
+
+
+def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
+    """Puts a scene on the device that differs from the one there in its colours and opacities alone.
+
+    Only these are copied. A scene that got vertices of its own for its faces is uploaded as a whole.
+    """
+    if len(scene.vertices) != len(held.scene.vertices):
+        return upload(gpu, scene, held.normals is not None)
+    rate, colors = _palette(scene)
+    arrays: dict[str, AnyArray] = {"palette": colors}
+    if held.packed is not None:
+        arrays |= _of_materials(scene, held.packed)
+    buffers = _buffers(gpu, arrays)
     return replace(
         held,
         scene=scene,
-        palette=cl.Buffer(gpu.context, flags, hostbuf=np.ascontiguousarray(colors)),
+        palette=buffers["palette"],
+        materials=buffers.get("materials"),
+        opaque_faces=buffers.get("opaque_faces"),
         color_rate=rate,
         packed_color=colors.dtype == np.uint8,
         surfaces=scene.surfaces,
+        shading=shading_of(scene),
         nbytes=held.nbytes - int(held.palette.size) + colors.nbytes,
     )
 

@@ -77,7 +77,9 @@ def count_fragments(gpu: Workspace, triangles: Triangles, batch: Batch) -> Count
     tile_totals = gpu.buffer("tile_totals", WINDOW_TOTALS.itemsize * batch.tiles)
     kernel = program(gpu, "stages/windows.cl", triangles.features)["count_fragments"]
     outputs = {"z_far": None, "pixel_end": pixel_end, "tile_totals": tile_totals}
-    launch(gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk_arguments(triangles, batch), **outputs)
+    launch(
+        gpu, STAGE, kernel, batch.tiles, gpu.lanes, **walk_arguments(triangles, batch), **triangles.shading, **outputs
+    )
     totals = gpu.get(tile_totals, batch.tiles, WINDOW_TOTALS)
     return Counts(totals["fragments"].astype(np.int64), totals["layers"].astype(np.int64), pixel_end)
 

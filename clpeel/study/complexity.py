@@ -224,7 +224,17 @@ def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progre
 
     def count() -> Counted:
         opaque_first = picture.opaque == "first"
-        return count_layers(renderer.gpu, on_device, camera, picture.size, opaque_first, picture.memory_limit, told)
+        return count_layers(
+            renderer.gpu,
+            on_device,
+            camera,
+            picture.size,
+            opaque_first,
+            picture.memory_limit,
+            told,
+            backfaces=picture.backface_type,
+            probes=picture.anisotropy,
+        )
 
     counted = count()
     check_counting(renderer, on_device, counted.tiles.features.surfaces, not camera.orthographic)

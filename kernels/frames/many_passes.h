@@ -51,13 +51,13 @@
 // without end.
 kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, Screen screen,
                  volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette,
-                 global const float *weights, global const float *normals, uint most_passes, uint most_repeats,
+                 global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, uint most_passes, uint most_repeats,
                  int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals, int side_bits,
                  float red, float green, float blue, int has_background, volatile global uint *clamped,
                  global uint *image, global float4 *color, global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
     local Colors layer[TILE_PIXELS / STRIP];
 #if VALUES
     local Found found[TILE_PIXELS / STRIP];
@@ -106,6 +106,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
             VISITS((1u << TILE_BLOCKS) - 1)
             VECTOR(uint) key = keys_of(t, weight, screen.depth_scale);
             if (MIXED) covered &= is_in_front(key, t->source, z_far[OWN(block) * LANES + lane]);
+            ROUTE(false)
             // The key as a signed number (fragments/comparing.h).
             Row arriving = {PASTE(as_, VECTOR(int))(key ^ (VECTOR(uint))(0x80000000u)),
                                   (VECTOR(int))((int)PAYLOAD(FRAGMENT_COLOR ? place : t->source, t))};

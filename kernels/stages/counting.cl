@@ -17,10 +17,11 @@
 //                  pixel; samples with an opaque surface; fragments of all surfaces, whatever lies in front, and those
 //                  of the deepest pixel; strips visited for transparent records, and for opaque ones; opaque records
 kernel void count_layers(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                         Screen screen, volatile global uint *next_tile, uint to_tile, global const uint *chosen,
+                         Screen screen, volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette, global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global const uint *chosen,
                          global uint *layers, global uint *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
     local uint taken, totals[COUNT_TOTALS];
     for (;;) {
         if (LANE == 0) {
@@ -41,10 +42,11 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
         }
         if (MIXED || ALL_OPAQUE) {
             middle = ALL_OPAQUE ? end : transparent_from(triangles, pairs, begin, end);
-            list_end = middle;
+            list_end = HIDING ? end : middle;
             VISITS((1u << TILE_BLOCKS) - 1)
-            ++opaque_visits;
-            all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
+            ROUTE(true)
+            opaque_visits += place < middle;
+            if (!HIDING || place < middle) all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
             VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, screen.depth_scale)) << (VECTOR(ulong))(32);
             fragment |= (VECTOR(ulong))((ulong)t->source);
             fragment = WIDER(covered) ? fragment : (VECTOR(ulong))(ABSENT);
@@ -55,6 +57,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
         if (!ALL_OPAQUE) {
             VISITS((1u << TILE_BLOCKS) - 1)
             ++visits;
+            ROUTE(false)
             if (MIXED) {
                 all[OWN(block)] -= PASTE(as_, VECTOR(uint))(covered);
                 VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, screen.depth_scale)) << (VECTOR(ulong))(32);

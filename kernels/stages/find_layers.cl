@@ -28,7 +28,7 @@ INLINE bool is_opaque(ulong fragment, global float4 *colors, global const uint *
                       global const void *palette)
 {
     uint payload = (uint)fragment;
-#if COLOR_RATE_VERTEX
+#if COLOR_RATE_VERTEX && !MATERIALS  // those have alpha 1 already (shading/shade.h)
     uint3 face = load_face(faces, sources[payload]);
     if (palette_color(palette, face.x).w == 1.0f && palette_color(palette, face.y).w == 1.0f &&
         palette_color(palette, face.z).w == 1.0f)

@@ -36,7 +36,7 @@ INLINE uint transparent_from(global const Triangle *triangles, global const uint
     return begin;
 }
 
-// Draws the tile's opaque records, which are those of its list before `until`, for each of the lane's strips. Pixels
+// Draws the tile's opaque records, which are those of its list before `until`, and what hides among the others, for each of the lane's strips. Pixels
 // with one get it as z_far, and its colour and transmittance 0 as `behind`. Others get ABSENT, colour 0 and
 // transmittance 1. Returns how many samples have an opaque surface. z_far, behind: KEPT_STRIPS of each (base/common.h).
 OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile, uint until,
@@ -44,7 +44,7 @@ OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile
 {
     const Batch own_batch = *records, *batch = &own_batch;  // a copy that nothing else can change
     ENTER_TILE
-    list_end = until;
+    if (!HIDING) list_end = until;
     uint samples = 0;
 #if LANES == 1
     VECTOR(ulong) *nearest = z_far;
@@ -52,10 +52,19 @@ OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile
     VECTOR(ulong) nearest[STRIPS_A_LANE];  // copied below: registers are faster than local memory
 #endif
     for (int own = 0; own < STRIPS_A_LANE; ++own) nearest[own] = (VECTOR(ulong))(ABSENT);
+#if HIDING
+    VECTOR(uint) places[STRIPS_A_LANE];  // in `pairs`, of the records of `nearest`
+#endif
     VISITS((1u << TILE_BLOCKS) - 1)
+    ROUTE(true)
     VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
-    fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR ? place : t->source));
+    // Records that hide are listed behind opaque ones. So where there are any, places are not in the order of submission.
+    fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR && !HIDING ? place : t->source));
     fragment = WIDER(covered) ? fragment : (VECTOR(ulong))(ABSENT);
+#if HIDING
+    VECTOR(int) nearer = CONVERT(int, STRIP, fragment < nearest[OWN(block)]);
+    places[OWN(block)] = nearer ? (VECTOR(uint))(place) : places[OWN(block)];
+#endif
     nearest[OWN(block)] = MIN(nearest[OWN(block)], fragment);
     END_VISITS
     for (int own = 0; own < STRIPS_A_LANE; ++own) {
@@ -67,13 +76,17 @@ OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile
         Colors there, *color = &there;
 #endif
         color->red = color->green = color->blue = (VECTOR(float))(0.0f);
+        VECTOR(uint) payload = CONVERT(uint, STRIP, nearest[own]);
+#if HIDING
+        payload = found ? places[own] : (VECTOR(uint))((uint)ABSENT);
+#endif
         if (BITS_OF(found))
-            colors_of(CONVERT(uint, STRIP, nearest[own]), own * LANES + lane, tile_x, tile_y, batch, shading, color);
+            colors_of(payload, own * LANES + lane, tile_x, tile_y, batch, shading, color);
         store_color(color, color);
         read_color(color, color);
         color->alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
         // The payload: from a record's place to its submission index.
-        STRIP_LOOP for (int k = 0; FRAGMENT_COLOR && k < STRIP; ++k)
+        STRIP_LOOP for (int k = 0; FRAGMENT_COLOR && !HIDING && k < STRIP; ++k)
             if (((const int *)&found)[k]) {
                 ulong *first = (ulong *)(nearest + own) + k;
                 *first = *first >> 32 << 32 | batch->triangles[batch->pairs[(uint)*first]].source;

@@ -100,7 +100,7 @@ OUTLINE Ints is_opaque(global const void *palette, int vertex_colors, int packed
 
 kernel void cull_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
                            int width, int height, global const void *palette, int vertex_colors, int packed,
-                           global uchar *states)
+                           global const uchar *single_sided, int all_single_sided, global uchar *states)
 {
     uint first = get_global_id(0) * WIDE;
     if (first >= face_count) return;
@@ -129,6 +129,12 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint verte
                                                       : zero;
     Ints listed = (state == (Uints)(DRAWN)) | (state == (Uints)(CLIPPED));
     if (palette) state |= is_opaque(palette, vertex_colors, packed, face, corner) & listed ? (Uints)(OPAQUE) : zero;
+    // Corners that run clockwise show the face from behind. Of clipped faces each piece is examined (stages/clipping.cl).
+    if (single_sided || all_single_sided) {
+        Ints behind = TO(Ints, area > (Longs)(0)) & ((state & (Uints)(DRAWN | CLIPPED | DISCARDED)) == (Uints)(DRAWN));
+        FOR_EACH_ELEMENT
+            if (INT_OF(behind) && (all_single_sided || single_sided[INT_OF(face)])) ((uint *)&state)[k] = 0;
+    }
     FOR_EACH_ELEMENT states[first + k] = (uchar)INT_OF(state);
 }
 

@@ -18,10 +18,10 @@
 // an opaque surface.
 kernel void draw_behind(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                         Screen screen, global const uint *faces, global const void *palette, global const float *weights,
-                        global const float *normals, global ulong *z_far, global Colors *behind, global uint *tile_samples)
+                        global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global ulong *z_far, global Colors *behind, global uint *tile_samples)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
     local uint samples;
     uint tile = get_group_id(0);
     if (LANE == 0) samples = 0;
@@ -47,10 +47,10 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
                         Screen screen, uint first_tile, uint first_pixel, uint last_pixel, global const ulong *z_far,
                         global const uint *pixel_end, global const uint *tile_start, uint run_start,
                         global const uint *faces, global const void *palette, global const float *weights,
-                        global const float *normals, global ulong *fragments, global uint *pixels, global float4 *colors)
+                        global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global ulong *fragments, global uint *pixels, global float4 *colors)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
     uint tile = first_tile + get_group_id(0);
     ENTER_TILE
     if (MIXED) list_begin = transparent_from(triangles, pairs, list_begin, list_end);
@@ -63,6 +63,7 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
 #if MIXED
     covered &= is_in_front(key, t->source, *(global const VECTOR(ulong) *)(z_far + tile * TILE_PIXELS + own_pixel));
 #endif
+    ROUTE(false)
     uint bits = BITS_OF(covered) & bits_between((int)first_pixel - (int)own_pixel, (int)last_pixel - (int)own_pixel);
     uint run_pixel = get_group_id(0) * TILE_PIXELS + own_pixel;
 #if FRAGMENT_COLOR
@@ -72,7 +73,8 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
         Reals at_samples[3];
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         Shades shades;
-        shade(at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades);
+        Reals alpha;
+        shade(t, at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades, &alpha);
         for (; some; some &= some - 1, ++next) {
             int k = LOWEST_SHADED(some);
             fragments[next] = (ulong)ELEMENT(uint, key, first + k) << 32 | PAYLOAD(next, t);

@@ -22,6 +22,7 @@
 #include "fragments/depth.h"
 #include "fragments/colors.h"
 #include "base/wide.h"
+#include "shading/shade.h"
 
 #define STRIPS_A_LANE (TILE_PIXELS / STRIP / LANES)
 
@@ -303,132 +304,6 @@ INLINE VECTOR(uint) keys_of(global const Triangle *t, const VECTOR(float) weight
     return depth_key(depth, depth_scale);
 }
 
-// What the colours of a batch's fragments are computed from: as given (fragments/colors.h), and where they vary over a
-// face, the corners' shares (stages/projection.h, store_weights) and the normals of vertices.
-typedef struct {
-    global const uint *faces;
-    global const void *palette;
-    global const float *weights, *normals;
-} Shading;
-
-#if FRAGMENT_COLOR
-// --- colours that vary over a face ----------------------------------------------------------------------------------
-// SHADED consecutive pixels of a strip are shaded at once, for one record. A lane that works alone has vectors, and
-// computes all their elements, covered or not. Several lanes shade pixels one by one.
-#if LANES == 1
-#define SHADED 8
-typedef float8 Reals;
-#define SAMPLES_OF(vector, first) (((const Reals *)&(vector))[(first) / SHADED])
-#define LOWEST_SHADED(bits) LOWEST_BIT(bits)
-#define SHADED_COLUMNS (int8)(0, 1, 2, 3, 0, 1, 2, 3)
-#define SHADED_ROWS (int8)(0, 0, 0, 0, 1, 1, 1, 1)
-#else
-#define SHADED 1
-typedef float Reals;
-#define SAMPLES_OF(vector, first) ELEMENT(float, vector, first)
-#define LOWEST_SHADED(bits) 0
-#endif
-#define SHADED_BITS ((1u << SHADED) - 1)
-typedef struct { Reals red, green, blue, alpha; } Shades;
-
-// The barycentric weights of a record at SHADED pixels, times twice its area: the same as in VISITS, to the bit. x, y:
-// the sample of the first pixel, in subpixels from the image's centre.
-INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
-{
-    for (int k = 0; k < 3; ++k) {
-        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
-        int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
-        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> SUBPIXEL_BITS;
-        float rest = (float)((int)(e & (SUBPIXELS - 1)) + least);
-#if SHADED == 1
-        weight[k] = (float)first * (float)SUBPIXELS + rest;
-#else
-        int8 step = dx * SHADED_ROWS - dy * SHADED_COLUMNS;
-        if (t->flags & SMALL) weight[k] = CONVERT(float, 8, (int8)((int)first) + step) * (float)SUBPIXELS + rest;
-        else weight[k] = CONVERT(float, 8, (long8)(first) + CONVERT(long, 8, step)) * (float)SUBPIXELS + rest;
-#endif
-    }
-}
-
-INLINE Reals square_root(Reals value)
-{
-    Reals root;
-#if CPU_TARGET && __has_builtin(__builtin_sqrtf)
-    UNROLL for (int k = 0; k < SHADED; ++k) ((float *)&root)[k] = __builtin_sqrtf(((const float *)&value)[k]);
-#else
-    UNROLL for (int k = 0; k < SHADED; ++k) ((float *)&root)[k] = sqrt(((const float *)&value)[k]);
-#endif
-    return root;
-}
-
-// Colours of a record at SHADED pixels. weight: their barycentric weights, times twice the area. source: its face.
-// view: the direction that the camera looks in, of length 1.
-INLINE void shade(const Reals weight[3], uint record, uint source, const Shading *shading, float3 view, Shades *shades)
-{
-    Reals vertex_weight[3];  // of the face's three vertices; divided by their sum below
-    for (int j = 0; j < 3; ++j) {
-        vertex_weight[j] = (Reals)(0.0f);
-        for (int c = 0; c < 3; ++c) vertex_weight[j] += weight[c] * shading->weights[9 * record + 3 * c + j];
-        // Snapping moves corners by up to 1/512 pixel, so a weight can be slightly negative. Clamping it keeps the
-        // colour within the colours of the corners.
-        vertex_weight[j] = MAX(vertex_weight[j], (Reals)(0.0f));
-    }
-    Reals a = vertex_weight[0], b = vertex_weight[1], c = vertex_weight[2];
-    Reals scale = 1.0f / (a + b + c);
-    a *= scale, b *= scale, c *= scale;
-    uint3 face = load_face(shading->faces, source);
-#if SHADED == 1 && (COLOR_RATE_VERTEX || HEADLIGHT)
-    // Corner by corner, which takes fewer registers.
-    float4 color = (float4)(0.0f);
-    float3 normal = (float3)(0.0f);
-    PLAIN_LOOP for (int j = 0; j < 3; ++j) {
-        uint vertex = j == 0 ? face.x : j == 1 ? face.y : face.z;
-        float share = j == 0 ? a : j == 1 ? b : c;
-        if (COLOR_RATE_VERTEX) color += share * palette_color(shading->palette, vertex);
-        if (HEADLIGHT) normal += share * load3(shading->normals, vertex);
-    }
-    if (!COLOR_RATE_VERTEX) color = palette_color(shading->palette, COLOR_RATE_FACE ? source : 0);
-    shades->red = color.x, shades->green = color.y, shades->blue = color.z, shades->alpha = color.w;
-#elif COLOR_RATE_VERTEX
-    float4 p = palette_color(shading->palette, face.x), q = palette_color(shading->palette, face.y), r = palette_color(shading->palette, face.z);
-    shades->red = a * p.x + b * q.x + c * r.x, shades->green = a * p.y + b * q.y + c * r.y;
-    shades->blue = a * p.z + b * q.z + c * r.z, shades->alpha = a * p.w + b * q.w + c * r.w;
-#else
-    float4 color = palette_color(shading->palette, COLOR_RATE_FACE ? source : 0);
-    shades->red = (Reals)(color.x), shades->green = (Reals)(color.y);
-    shades->blue = (Reals)(color.z), shades->alpha = (Reals)(color.w);
-#endif
-#if HEADLIGHT
-#if SHADED == 1
-    Reals n_x = normal.x, n_y = normal.y, n_z = normal.z;
-#else
-    float3 n_a = load3(shading->normals, face.x), n_b = load3(shading->normals, face.y), n_c = load3(shading->normals, face.z);
-    Reals n_x = a * n_a.x + b * n_b.x + c * n_c.x, n_y = a * n_a.y + b * n_b.y + c * n_c.y;
-    Reals n_z = a * n_a.z + b * n_b.z + c * n_c.z;
-#endif
-    Reals length2 = n_x * n_x + n_y * n_y + n_z * n_z, facing = n_x * view.x + n_y * view.y + n_z * view.z;
-    Reals cosine = MIN(MAX(facing, -facing) / square_root(length2), (Reals)(1.0f));
-    cosine = length2 > (Reals)(0.0f) ? cosine : (Reals)(1.0f);
-    Reals light = AMBIENT + (1.0f - AMBIENT) * cosine;
-#ifdef LIGHT_IN_ALPHA
-    shades->alpha = light;  // translucency needs no alpha, but needs colour and light apart
-#else
-    shades->red *= light, shades->green *= light, shades->blue *= light;
-#endif
-#endif
-}
-
-INLINE float4 shade_of(const Shades *shades, int k)
-{
-#if SHADED == 1
-    return (float4)(shades->red, shades->green, shades->blue, shades->alpha);
-#else
-    return (float4)(((const float *)&shades->red)[k], ((const float *)&shades->green)[k],
-                    ((const float *)&shades->blue)[k], ((const float *)&shades->alpha)[k]);
-#endif
-}
-#endif
-
 // The colours of a strip's fragments whose colours are not stored with them. payload: the fragment's face, where faces
 // have one colour; else the place of its record in `pairs`, and the colour is computed here. Pixels whose payload is
 // that of ABSENT get 0, alpha too.
@@ -454,7 +329,8 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
             Reals weight[3];
             weights_at(t, x, y, weight);
             Shades shades;
-            shade(weight, batch->pairs[at], t->source, shading, VIEW(batch), &shades);
+            Reals alpha;
+            shade(t, weight, batch->pairs[at], t->source, shading, VIEW(batch), &shades, &alpha);
             for (left &= ~same; same; same &= same - 1) {
                 int k = LOWEST_SHADED(same), own = first + k;
                 float4 color = shade_of(&shades, k);
@@ -497,13 +373,21 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
 #if FRAGMENT_COLOR
     uint all = BITS_OF(covered);
+#if ROUTED
+    global const Material *m = material_at(shading, t->source);
+    bool routes = m && m->flags & ROUTED_BY_TEXELS;
+#endif
     for (int first = 0; first < STRIP; first += SHADED) {
         uint bits = all >> first & SHADED_BITS;
         if (!bits) continue;
         Reals at_samples[3];
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         Shades shades;
-        shade(at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades);
+        Reals alpha;
+        shade(t, at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades, &alpha);
+#if ROUTED
+        if (routes) bits &= SHADED_BITS_OF(alpha > (Reals)(0.0f));
+#endif
         for (; bits; bits &= bits - 1) {
             int k = first + LOWEST_SHADED(bits);
             uint to = ELEMENT(uint, *places, k);

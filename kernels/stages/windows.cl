@@ -10,9 +10,10 @@
 
 // z_far: of each pixel of the tiles, where surfaces are MIXED; else NULL.
 kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                            Screen screen, global const ulong *z_far, global uint *pixel_end, global uint2 *tile_totals)
+                            Screen screen, global const uint *faces, global const void *palette, global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global const ulong *z_far, global uint *pixel_end, global uint2 *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
     ENTER_TILE
@@ -25,6 +26,7 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
     global const ulong *far = z_far + tile * TILE_PIXELS + block * BLOCK_PIXELS + FIRST_PIXEL;
     covered &= is_in_front(keys_of(t, weight, screen.depth_scale), t->source, *(global const VECTOR(ulong) *)far);
 #endif
+    ROUTE(false)
     count_up(counts + OWN(block), covered);
     END_VISITS
 
@@ -48,11 +50,11 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                            Screen screen, uint window_tile, global const uint *pixel_end, global const uint *tile_start,
                            uint window_start, uint capacity, global const uint *faces, global const void *palette,
-                           global const float *weights, global const float *normals, global ulong *fragments,
+                           global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global ulong *fragments,
                            global float4 *colors, global uint *sources)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
     uint tile = window_tile + get_group_id(0);
     const Layout lists = {1, capacity, 0};
     VECTOR(uint) next[STRIPS_A_LANE];

@@ -1,0 +1,195 @@
+"""Shading: packs a scene's materials and textures for the kernels (kernels/shading)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clpeel.device import layout
+from clpeel.device.records import MATERIAL
+from clpeel.scene.arrays import AnyArray
+from clpeel.scene.materials import Material
+from clpeel.scene.scene import Scene
+from clpeel.scene.textures import Texture, linear_of_bytes, srgb
+
+LEVEL_STARTS = 16
+"""Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
+
+_STEPS = 4 * 65535
+"""Linear light is added up in whole numbers, so that mip maps have the same bytes everywhere: four texels of 65,535."""
+
+
+@dataclass(frozen=True)
+class Shading:
+    """What kernels are compiled for, besides the scene's colours: see Features."""
+
+    routed: bool
+    hiding: bool
+    levels: bool
+
+
+def shading_of(scene: Scene) -> Shading:
+    """Return what the scene's materials need of kernels."""
+    textures = [material.texture for material in scene.materials if material.texture is not None]
+    levels = any(texture.mipmapped or texture.magnify != texture.minify for texture in textures)
+    kinds = scene.kinds
+    return Shading(bool(kinds.routed.any()), bool(kinds.hiding.any()), levels)
+
+
+# --- materials --------------------------------------------------------------------------------------------------------
+
+
+def material_table(scene: Scene, packed: Packed) -> NDArray[np.void]:
+    """Return the scene's materials as records, MATERIAL [k]. packed: their textures."""
+    table = np.zeros(len(scene.materials), MATERIAL)
+    kinds, of_faces = scene.kinds, scene.face_materials
+    routed, hiding = (
+        set(np.unique(of_faces[kind])) if of_faces is not None else set() for kind in (kinds.routed, kinds.hiding)
+    )
+    for place, (row, material) in enumerate(zip(table, scene.materials, strict=True)):
+        row["base_color"] = material.base_color
+        row["opacity"], row["alpha_cutoff"] = material.opacity, material.alpha_cutoff
+        flags = _flags(material)
+        flags |= layout.ROUTED_BY_TEXELS if place in routed else 0
+        flags |= layout.HIDES if place in hiding else 0
+        if material.texture is not None:
+            row["texture"] = packed.starts[_key(material.texture)]
+            row["width"], row["height"] = material.texture.size
+            row["last_level"] = len(level_sizes(material.texture)) - 1
+        row["flags"] = flags
+    return table
+
+
+def _flags(material: Material) -> int:
+    """Return the flags that do not depend on the scene."""
+    flags = {"OPAQUE": 0, "MASK": layout.CUT, "BLEND": layout.BLENDED}[material.alpha_mode]
+    flags |= layout.UNLIT if material.unlit else 0
+    flags |= layout.RGB_OF_SCENE if material.rgb_of_scene else 0
+    flags |= layout.ALPHA_OF_SCENE if material.alpha_of_scene else 0
+    texture = material.texture
+    if texture is None:
+        return flags
+    flags |= layout.TEXTURED
+    flags |= layout.FLOAT_TEXELS if texture.image.dtype != np.uint8 else 0
+    for wrap, mirror, clamp in zip(
+        texture.wrap, (layout.MIRROR_U, layout.MIRROR_V), (layout.CLAMP_U, layout.CLAMP_V), strict=True
+    ):
+        flags |= {"repeat": 0, "mirror": mirror, "clamp": clamp}[wrap]
+    flags |= layout.MAGNIFY_LINEAR if texture.magnify == "linear" else 0
+    flags |= layout.MINIFY_LINEAR if texture.minify.startswith("linear") else 0
+    flags |= layout.BETWEEN_LEVELS if texture.minify.endswith("mipmap-linear") else 0
+    return flags
+
+
+# --- textures ---------------------------------------------------------------------------------------------------------
+
+_Key = tuple[int, bool]
+
+
+def _key(texture: Texture) -> _Key:
+    """Return what tells apart textures with different texels: samplers of one image share these."""
+    return id(texture.image), texture.mipmapped
+
+
+@dataclass(frozen=True, eq=False)
+class Packed:
+    """The textures of some materials in one array of words, uint32, and where each begins in it, by its key.
+
+    images: kept alive, as their identities are keys.
+    """
+
+    words: NDArray[np.uint32]
+    starts: dict[_Key, int]
+    images: list[AnyArray] = field(default_factory=list)
+
+
+def packed_textures(materials: Sequence[Material]) -> Packed:
+    """Return the textures of these materials, each image once."""
+    parts: list[NDArray[np.uint32]] = [linear_of_bytes().view(np.uint32)]
+    starts: dict[_Key, int] = {}
+    images, end = list[AnyArray](), len(parts[0])
+    for texture in (material.texture for material in materials):
+        if texture is None or _key(texture) in starts:
+            continue
+        starts[_key(texture)] = end
+        images.append(texture.image)
+        levels = [np.ascontiguousarray(level) for level in mip_map(texture)]
+        firsts = np.zeros(LEVEL_STARTS, np.uint32)
+        counts = [level.shape[0] * level.shape[1] for level in levels]
+        firsts[: len(levels)] = np.cumsum([0, *counts[:-1]])
+        parts += [firsts, *(level.view(np.uint32).reshape(-1) for level in levels)]
+        end += sum(map(len, parts[-len(levels) - 1 :]))
+    return Packed(np.concatenate(parts), starts, images)
+
+
+def level_sizes(texture: Texture) -> list[tuple[int, int]]:
+    """Return width and height of each level: each half of the one before, rounded down, to 1 x 1."""
+    width, height = texture.size
+    sizes = [(width, height)]
+    while texture.mipmapped and max(sizes[-1]) > 1:
+        width, height = (max(side // 2, 1) for side in sizes[-1])
+        sizes.append((width, height))
+    return sizes
+
+
+def mip_map(texture: Texture) -> list[AnyArray]:
+    """Return the texture's levels, [height, width, 4] each, of the image's type.
+
+    A texel is the mean of those that it covers in the level before, in linear light.
+    """
+    levels = [texture.image]
+    for _ in level_sizes(texture)[1:]:
+        levels.append(_halved_bytes(levels[-1]) if texture.image.dtype == np.uint8 else _halved_floats(levels[-1]))
+    return levels
+
+
+def _halved_floats(image: AnyArray) -> AnyArray:
+    """Return a float32 image of half the size."""
+    return np.asarray(_box(_box(image.astype(np.float64), 0), 1), np.float32)
+
+
+def _halved_bytes(image: AnyArray) -> AnyArray:
+    """Return a uint8 image of half the size: sRGB, to the nearest byte."""
+    table = np.rint(linear_of_bytes().astype(np.float64) * 65535).astype(np.uint32)
+    height, width = image.shape[:2]
+    if height % 2 or width % 2:
+        unit = _box(_box(np.concatenate([table[image[..., :3]], image[..., 3:]], axis=-1).astype(np.float64), 0), 1)
+        colors, alpha = np.rint(4 * unit[..., :3]).astype(np.int64), unit[..., 3]
+        return np.concatenate([_bytes_of_steps()[colors], np.rint(alpha).astype(np.uint8)[..., None]], axis=-1)
+    colors = table[image[..., :3]]
+    rows = colors[0::2] + colors[1::2]
+    sums = rows[:, 0::2] + rows[:, 1::2]
+    alphas = image[..., 3].astype(np.uint16)
+    rows = alphas[0::2] + alphas[1::2]
+    half = np.empty((height // 2, width // 2, 4), np.uint8)
+    half[..., :3] = _bytes_of_steps()[sums]
+    half[..., 3] = (rows[:, 0::2] + rows[:, 1::2] + 2) >> 2
+    return half
+
+
+@cache
+def _bytes_of_steps() -> NDArray[np.uint8]:
+    """Return the nearest sRGB byte of each sum of four texels: uint8 [_STEPS + 1]."""
+    return np.rint(srgb(np.arange(_STEPS + 1) / _STEPS) * 255).astype(np.uint8)
+
+
+def _box(image: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """Return the image with half as many texels along an axis.
+
+    Each of n texels of 2 n + 1 is a mean of three, weighted by how much it covers of each.
+    """
+    side = image.shape[axis]
+    if side == 1:
+        return image
+    moved = np.moveaxis(image, axis, 0)
+    half = side // 2
+    if side % 2 == 0:
+        found = (moved[0::2] + moved[1::2]) / 2
+    else:
+        place = np.arange(half).reshape(-1, *[1] * (image.ndim - 1))
+        found = ((half - place) * moved[0:-1:2] + half * moved[1::2] + (place + 1) * moved[2::2]) / side
+    return np.moveaxis(found, 0, axis)
