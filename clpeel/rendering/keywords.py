@@ -20,6 +20,10 @@ class Keywords(TypedDict, total=False):
     """Draw opaque surfaces first (default), or blend them as any other."""
     execution: Literal["tiles", "passes"]
     """Draw tile by tile (default), or pass by pass as the papers do, where the technique can."""
+    backface_type: Literal["default", "visible", "hidden"]
+    """Faces seen from behind: drawn unless the file says one side only (default), visible, or hidden."""
+    anisotropy: Literal[1, 2, 4, 8, 16]
+    """The most samples of a texture where it is seen at a slant: 1, 2, 4, 8 or 16."""
     depth_format: Literal["float32-reversed", "float32", "unorm24", "rgba8"]
     """What is kept of depths (default: float32-reversed)."""
     precision: Literal["float32", "half", "unorm8"]

@@ -8,7 +8,7 @@ fragments there are, or in which order they lie. All numbers are computed here i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from clpeel.device.layout import AMBIENT, Features
 from clpeel.options import Options
 from clpeel.scene.camera import Camera
+from clpeel.scene.materials import Material
 from clpeel.scene.scene import Scene
+from clpeel.scene.textures import Minify, Texture, linear, srgb
 from clpeel.techniques import TECHNIQUES, AnyTechnique
 from clpeel.techniques.translucency import LIGHT_COLOR, OPTICAL_DIAGONAL, REFLECTANCE
 
@@ -63,6 +65,12 @@ COLORS = np.array(
     ]
 )
 """The colours of FACES and CUT: straight, and exact binary fractions."""
+
+TEXELS = ((255, 128, 64), (200, 255, 100), (90, 180, 255), (255, 220, 160), (120, 240, 200), (255, 255, 140))
+"""The texel of each of FACES and CUT where faces have materials: red, green and blue, sRGB."""
+
+SPREAD = 1
+"""Which of FACES shows a texture of one colour many times over, so that its texels are smaller than pixels."""
 
 LEAST_APART = 1e-9
 """View distances that differ by less are equal: they are, but for the rounding of float64."""
@@ -126,11 +134,41 @@ class Wanted:
         corners[:, :2] += self.offset
         faces = np.arange(len(corners)).reshape(-1, 3)
         given = self.given()
+        materials = self.materials() if self.features.materials else {}
         if self.features.color_rate == "scene":
-            return Scene.from_arrays(corners, faces, color=given[0, 0])
+            return Scene.from_arrays(corners, faces, color=given[0, 0], **materials)
         if self.features.color_rate == "face":
-            return Scene.from_arrays(corners, faces, face_colors=given[:, 0])
-        return Scene.from_arrays(corners, faces, vertex_colors=given.reshape(-1, 4))
+            return Scene.from_arrays(corners, faces, face_colors=given[:, 0], **materials)
+        return Scene.from_arrays(corners, faces, vertex_colors=given.reshape(-1, 4), **materials)
+
+    def materials(self) -> dict[str, Any]:
+        """The materials as arguments of Scene.from_arrays.
+
+        Each face shows the centre of a texel, and SPREAD a texture whose texels are all alike. Where texels route
+        fragments, another texel is a hole. Then what is opaque is a cut-out, or hides as its texels have alpha 1.
+        """
+        features, count = self.features, len(self.faces)
+        minify: Minify = "linear-mipmap-linear" if features.levels else "linear"
+        image = np.full((1, 8, 4), 255, np.uint8)
+        image[0, : len(TEXELS), :3] = TEXELS
+        image[0, -1, 3] = 0 if features.routed else 255
+        alike_texels = np.full((16, 16, 4), 255, np.uint8)
+        alike_texels[..., :3] = TEXELS[SPREAD]
+        texture, spread = Texture(image, minify=minify), Texture(alike_texels, minify=minify)
+        kinds = [Material(texture=texture, alpha_mode="BLEND"), Material(texture=spread, alpha_mode="BLEND")]
+        kinds.append(Material(texture=texture, alpha_mode="MASK"))
+        of_faces = np.zeros(count, np.int32)
+        of_faces[SPREAD] = 1
+        if features.routed and not features.hiding and self.surfaces != "transparent":
+            of_faces[OPAQUE_FACE if self.surfaces == "mixed" else slice(None)] = 2
+        if (
+            features.color_rate == "scene" and self.surfaces == "mixed"
+        ):  # the scene's one alpha is not that of what is opaque
+            kinds.append(replace(kinds[of_faces[OPAQUE_FACE]], alpha_of_scene=False))
+            of_faces[OPAQUE_FACE] = len(kinds) - 1
+        uv = np.repeat(np.stack([(np.arange(count) + 0.5) / 8, np.full(count, 0.5)], axis=-1)[:, None], 3, axis=1)
+        uv[SPREAD] = ((0.0, 0.0), (40.0, 0.0), (0.0, 40.0)) if of_faces[SPREAD] == 1 else uv[SPREAD]
+        return {"materials": kinds, "face_materials": of_faces, "uv": uv.reshape(-1, 2)}
 
     def given(self) -> NDArray[Any]:
         """The colours as the scene has them: [faces, 3, 4], uint8 or float32."""
@@ -202,6 +240,9 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack
     color = np.repeat(values[None, :, 0], len(weights), axis=0)  # exact, where a face has one colour
     if wanted.features.color_rate == "vertex":
         color = np.einsum("pfc,fcd->pfd", weights, values)
+    if wanted.features.materials:
+        texels = linear(np.array(TEXELS[: len(wanted.faces)]) / 255)
+        color[..., :3] = srgb(np.where(present[..., None], color[..., :3], 0.0) * texels)
     opaque = present & bool(opaque_first) & (values[..., 3] == 1).all(axis=1)
     light = np.broadcast_to(_light(wanted), present.shape)
     color[..., :3] *= light[..., None]

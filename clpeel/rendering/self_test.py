@@ -64,10 +64,10 @@ MOST_PASSES = len(FACES) + 1
 NO_MATTER = ("scale_bar", "thickness_range", "sigma", "light_color")
 """Options of techniques that kernels do not see, or only as a number."""
 
-NOT_IN_TESTS = ("size", "background", "memory", "keep_color")
+NOT_IN_TESTS = ("size", "background", "memory", "keep_color", "backface_type")
 """Options of all pictures that the test's picture has values of its own for."""
 
-IN_FEATURES = ("lighting", "opaque", "depth_format", "layers")
+IN_FEATURES = ("lighting", "opaque", "depth_format", "layers", "anisotropy")
 """Options of all pictures that change nothing but what kernels are compiled for (Features), or which are launched."""
 
 ROUNDING = 2.0**-24
@@ -75,6 +75,11 @@ ROUNDING = 2.0**-24
 
 COLOR_ROUNDINGS = 20
 """Of a colour that is interpolated: 6 for each product of weights and their sums, 8 for the quotient, 6 for the sum."""
+
+MATERIAL_ROUNDINGS = 40
+"""Of a colour with a material: 6 of the product with the texel, 2 of each of two roots and of the sum after it, and 10
+of each of two steps of the cube root.
+"""
 
 LIGHT_ROUNDINGS = 35
 """Of a light: 20 of the normal's channels, 3 + 2 of each of two sums of products, and 1 each of the root, the quotient,
@@ -131,16 +136,17 @@ def check(renderer: Renderer, request: Request, triangles: Triangles, tiles: int
     return _checked(renderer, test.parts, lambda: _tested(renderer, test, tiles))
 
 
-def check_counting(renderer: Renderer, scene: DeviceScene, surfaces: str, perspective: bool) -> None:
+def check_counting(renderer: Renderer, scene: DeviceScene, features: Features, perspective: bool) -> None:
     """Tests the kernels that have counted layers, unless a verdict is known. Raises WrongPictureError as `check` does.
 
-    surfaces: the feature that the kernels were compiled for.
+    features: those that the scene was counted for.
     """
-    lanes = renderer.gpu.lanes
-    wanted = Wanted(Features(lanes, "face"), surfaces, perspective, scene.low_positions is not None, cut=False)
+    lanes, surfaces = renderer.gpu.lanes, features.surfaces
+    kernels = features if features.routed else Features(lanes, "face")
+    wanted = Wanted(kernels, surfaces, perspective, scene.low_positions is not None, cut=False)
     parts = frozenset(
         {
-            _part("counting", [f"lanes {lanes}", surfaces], "stages/counting.cl"),
+            _part("counting", [f"lanes {lanes}", surfaces, *_of_materials(kernels)], "stages/counting.cl"),
             _part("projection", [f"lanes {lanes}", wanted.view], "stages/setup.cl"),
         }
     )
@@ -237,7 +243,12 @@ def _parts(request: Request, wanted: Wanted, gpu: Workspace, ways: dict[str, obj
     features, technique = wanted.features, request.technique
     with_lanes = f"lanes {gpu.lanes}"
     words = [with_lanes, f"{features.color_rate} colours{'' if features.packed_color else ' as floats'}"]
-    words += [features.surfaces, *(["lit"] if features.headlight else []), features.depth_format]
+    words += [
+        features.surfaces,
+        *(["lit"] if features.headlight else []),
+        *_of_materials(features),
+        features.depth_format,
+    ]
     name, path = technique.name, technique.kernel
     if features.surfaces == "opaque":
         name, path = "opaque", "stages/opaque.cl"  # all techniques draw these alike
@@ -255,6 +266,18 @@ def _parts(request: Request, wanted: Wanted, gpu: Workspace, ways: dict[str, obj
         *([_part("layers", words, "stages/find_layers.cl", "stages/windows.cl")] if request.picture.layers else []),
     ]
     return frozenset(parts)
+
+
+def _of_materials(features: Features) -> list[str]:
+    """What kernels do with materials, in words."""
+    words = {
+        "materials": features.materials,
+        "routed": features.routed,
+        "hiding": features.hiding,
+        "mip maps": features.levels,
+        f"{features.probes} probes": features.probes > 1,
+    }
+    return [word for word, wanted in words.items() if wanted]
 
 
 def _part(name: str, words: list[str], *paths: str) -> str:
@@ -404,6 +427,7 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     own = 0.0
     if features.fragment_color:
         own = (COLOR_ROUNDINGS + (LIGHT_ROUNDINGS if features.headlight else 0)) * ROUNDING
+        own += MATERIAL_ROUNDINGS * ROUNDING if features.materials else 0.0
     blends = np.array([blending_bound(count + 1, precision) for count in range(LAYERS + 1)])[layers]
     bound = (3 * own * layers + blends) * np.where(test.request.technique.sorts, 1, np.maximum(layers, 1))
     if test.request.technique.name == "translucency":
@@ -444,7 +468,7 @@ def _compare_layers(found: _Comparison, result: Result, stack: Stack, test: _Tes
             taken = np.take_along_axis(values, place.reshape(-1, *[1] * (values.ndim - 1)), axis=1)[:, 0]
             return taken.reshape(height, width, *values.shape[2:])
 
-        roundings = COLOR_ROUNDINGS + LIGHT_ROUNDINGS
+        roundings = COLOR_ROUNDINGS + LIGHT_ROUNDINGS + (MATERIAL_ROUNDINGS if test.wanted.features.materials else 0)
         found.expect("layer's face", np.where(some, face, 0), np.where(some, at(stack.face), 0).astype(np.float64), 0.0)
         found.expect("layer's colour", color, at(stack.color) * some[..., None], roundings * ROUNDING)
         bound = length_bound(test)

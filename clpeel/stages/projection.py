@@ -153,9 +153,8 @@ def project(
 
     headlight: whether a light at the camera shades the colours. opaque_first: list opaque faces before the others;
     without it all faces count as transparent. depth_format: one of DEPTH_FORMATS, how fragments keep their depths.
-    backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", unless they are single-sided.
-    probes: the most
-    samples of a texture along a pixel's longer side.
+    backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", which draws all that are
+    not single-sided. probes: the most samples of a texture along a pixel's longer side.
     """
     surfaces = scene.surfaces if opaque_first else "transparent"
     materials = scene.material_of is not None

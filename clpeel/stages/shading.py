@@ -19,8 +19,8 @@ from clpeel.scene.textures import Texture, linear_of_bytes, srgb
 LEVEL_STARTS = 16
 """Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
 
-_STEPS = 4 * 65535
-"""Linear light is added up in whole numbers, so that mip maps have the same bytes everywhere: four texels of 65,535."""
+_FULL = 65535
+"""Full linear light, where it is counted in whole numbers."""
 
 
 @dataclass(frozen=True)
@@ -153,28 +153,33 @@ def _halved_floats(image: AnyArray) -> AnyArray:
 
 
 def _halved_bytes(image: AnyArray) -> AnyArray:
-    """Return a uint8 image of half the size: sRGB, to the nearest byte."""
-    table = np.rint(linear_of_bytes().astype(np.float64) * 65535).astype(np.uint32)
+    """Return a uint8 image of half the size: sRGB, to the nearest byte.
+
+    Linear light is added up in whole numbers, so that mip maps have the same bytes everywhere.
+    """
+    table = np.rint(linear_of_bytes().astype(np.float64) * _FULL).astype(np.uint32)
     height, width = image.shape[:2]
+    half = np.empty((max(height // 2, 1), max(width // 2, 1), 4), np.uint8)
     if height % 2 or width % 2:
-        unit = _box(_box(np.concatenate([table[image[..., :3]], image[..., 3:]], axis=-1).astype(np.float64), 0), 1)
-        colors, alpha = np.rint(4 * unit[..., :3]).astype(np.int64), unit[..., 3]
-        return np.concatenate([_bytes_of_steps()[colors], np.rint(alpha).astype(np.uint8)[..., None]], axis=-1)
-    colors = table[image[..., :3]]
-    rows = colors[0::2] + colors[1::2]
-    sums = rows[:, 0::2] + rows[:, 1::2]
-    alphas = image[..., 3].astype(np.uint16)
-    rows = alphas[0::2] + alphas[1::2]
-    half = np.empty((height // 2, width // 2, 4), np.uint8)
-    half[..., :3] = _bytes_of_steps()[sums]
-    half[..., 3] = (rows[:, 0::2] + rows[:, 1::2] + 2) >> 2
+        both = np.concatenate([table[image[..., :3]], image[..., 3:]], axis=-1).astype(np.float64)
+        means = np.rint(_box(_box(both, 0), 1) * (4, 4, 4, 1)).astype(np.uint32)
+        half[..., :3], half[..., 3] = _bytes_of_sums()[means[..., :3]], means[..., 3]
+    else:
+        half[..., :3] = _bytes_of_sums()[_sums_of_four(table[image[..., :3]])]
+        half[..., 3] = (_sums_of_four(image[..., 3].astype(np.uint16)) + 2) >> 2
     return half
 
 
+def _sums_of_four(image: AnyArray) -> AnyArray:
+    """Return the sum of every two by two texels."""
+    rows = image[0::2] + image[1::2]
+    return np.asarray(rows[:, 0::2] + rows[:, 1::2])
+
+
 @cache
-def _bytes_of_steps() -> NDArray[np.uint8]:
-    """Return the nearest sRGB byte of each sum of four texels: uint8 [_STEPS + 1]."""
-    return np.rint(srgb(np.arange(_STEPS + 1) / _STEPS) * 255).astype(np.uint8)
+def _bytes_of_sums() -> NDArray[np.uint8]:
+    """Return the nearest sRGB byte to the mean of four texels, by their sum: uint8 [4 * _FULL + 1]."""
+    return np.rint(srgb(np.arange(4 * _FULL + 1) / (4 * _FULL)) * 255).astype(np.uint8)
 
 
 def _box(image: NDArray[np.float64], axis: int) -> NDArray[np.float64]:

@@ -24,11 +24,11 @@ class DeviceScene:
     grid: positions are (vertex - grid.origin) * grid.scale. positions, low_positions: float32 [n, 3], high and low
     parts; low_positions is None if all low parts are 0. faces: uint32 [m, 3]. palette: straight RGBA as given, uint8 or
     float32 [k, 4]; k is 1, n or m. normals: float32 [n, 3] or None. color_rate: "scene", "face" or "vertex".
-    packed_color: whether the palette is uint8. surfaces: "opaque", "transparent" or "mixed". shading: what its materials
-    need of kernels. uv: float32 [n, 2]; material_of: int32 [m]; materials: MATERIAL [j]; textures: uint32; packed: the
-    same textures on the host. All of them are None if there are no materials. single_sided: uint8 [m] or None.
-    opaque_faces: uint32 [m], bytes of a colour whose alpha is 255 where a face is opaque; None if the palette says so.
-    nbytes: of all arrays.
+    packed_color: whether the palette is uint8. surfaces: "opaque", "transparent" or "mixed".
+    shading: what its materials need of kernels. uv: float32 [n, 2]; material_of: int32 [m]; materials: MATERIAL [j];
+    textures: uint32; packed: the same textures on the host. All of them are None if there are no materials.
+    single_sided: uint8 [m] or None. opaque_faces: uint32 [m], bytes of a colour whose alpha is 255 where a face is
+    opaque; None if the palette says so. nbytes: of all arrays.
     """
 
     scene: Scene
@@ -113,7 +113,7 @@ def _buffers(gpu: Workspace, arrays: dict[str, AnyArray]) -> dict[str, cl.Buffer
     for name, array in arrays.items():
         if array.nbytes > most:
             raise InputError(
-                f"scene: expected {name} of at most {most / 2**20:,.0f} MiB, which is what the device allocates at once, "
+                f"scene: expected {name} of at most {most / 2**20:,.0f} MiB, as the device allocates no more at once, "
                 f"got {array.nbytes / 2**20:,.0f} MiB"
             )
     flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR

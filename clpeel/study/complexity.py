@@ -237,7 +237,7 @@ def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progre
         )
 
     counted = count()
-    check_counting(renderer, on_device, counted.tiles.features.surfaces, not camera.orthographic)
+    check_counting(renderer, on_device, counted.tiles.features, not camera.orthographic)
     if counted.seconds >= SOON:
         return counted
     again = count()
