@@ -49,10 +49,10 @@ INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
 // --- where on a face ------------------------------------------------------------------------------------------------
 // SHADED pixels of a record on its face: the shares of the face's three vertices, which sum to 1; and what they were
 // divided by.
-typedef struct { Reals share[3], scale; } Place;
+typedef struct { Reals share[3], scale; } OnFace;
 
 // weight: the record's barycentric weights there, times twice its area.
-INLINE void place_on_face(const Reals weight[3], uint record, const Shading *shading, Place *place)
+INLINE void place_on_face(const Reals weight[3], uint record, const Shading *shading, OnFace *place)
 {
     for (int j = 0; j < 3; ++j) {
         place->share[j] = (Reals)(0.0f);
@@ -68,7 +68,7 @@ INLINE void place_on_face(const Reals weight[3], uint record, const Shading *sha
 #if MATERIALS
 // The texture coordinates there. Those of vertex j, divided by w, are linear over the screen. So they grow from pixel to
 // pixel as the shares do, less what the sum of shares grows by.
-INLINE void spot_of(global const Triangle *t, uint record, uint3 face, const Place *place, const Shading *shading, Spot *spot)
+INLINE void spot_of(global const Triangle *t, uint record, uint3 face, const OnFace *place, const Shading *shading, Spot *spot)
 {
     float2 at[3] = {vload2(face.x, shading->uv), vload2(face.y, shading->uv), vload2(face.z, shading->uv)};
     spot->u = place->share[0] * at[0].x + place->share[1] * at[1].x + place->share[2] * at[2].x;
@@ -94,7 +94,7 @@ INLINE void spot_of(global const Triangle *t, uint record, uint3 face, const Pla
 
 // --- colours --------------------------------------------------------------------------------------------------------
 // The scene's colours there. colors: whether red, green and blue are wanted, besides alpha.
-INLINE void scene_color(const Place *place, uint3 face, uint source, const Shading *shading, bool colors, Shades *shades)
+INLINE void scene_color(const OnFace *place, uint3 face, uint source, const Shading *shading, bool colors, Shades *shades)
 {
 #if COLOR_RATE_VERTEX
 #if SHADED == 1
@@ -135,7 +135,7 @@ INLINE global const Material *material_at(const Shading *shading, uint source)
 }
 
 // Makes the scene's colours those of a face with this material.
-INLINE void apply_material(global const Triangle *t, uint record, uint3 face, const Place *place, global const Material *m,
+INLINE void apply_material(global const Triangle *t, uint record, uint3 face, const OnFace *place, global const Material *m,
                            const Shading *shading, bool colors, Shades *shades)
 {
     const Reals one = (Reals)(1.0f);
@@ -167,7 +167,7 @@ INLINE void apply_material(global const Triangle *t, uint record, uint3 face, co
 INLINE void shade(global const Triangle *t, const Reals weight[3], uint record, uint source, const Shading *shading, float3 view,
                   Shades *shades, Reals *alpha)
 {
-    Place place;
+    OnFace place;
     place_on_face(weight, record, shading, &place);
     uint3 face = load_face(shading->faces, source);
     scene_color(&place, face, source, shading, true, shades);
@@ -222,7 +222,7 @@ OUTLINE VECTOR(int) routed(global const Triangle *t, uint record, const VECTOR(f
         if (!bits) continue;
         Reals at_samples[3];
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
-        Place place;
+        OnFace place;
         place_on_face(at_samples, record, shading, &place);
         Shades shades;
         scene_color(&place, face, source, shading, false, &shades);
