@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import base64
-import io
 import os
 import stat
 from urllib.parse import unquote, unquote_to_bytes
 
 from clpeel.files import open_at_once
-from clpeel.reading.signatures import looks_like
+from clpeel.reading.images import unusable
 
 
 class Companions:
@@ -58,11 +57,17 @@ class Companions:
         raise ValueError(reason)
 
     def picture(self, name: str) -> str | None:
-        """Return why the picture behind a name cannot be a texture, for a note, or None if Pillow can open it."""
+        """Return why the picture behind a name cannot be a texture, for a note, or None if Pillow can open it.
+
+        If it cannot, get returns no bytes from now on, so that trimesh does not read it after all.
+        """
         try:
-            return unusable(self.get(name))
+            problem = unusable(self.get(name))
         except FileNotFoundError:
             return self.lost[name]
+        if problem:
+            self.given[name] = b""
+        return problem
 
 
 def _regular(path: str) -> bytes:
@@ -79,21 +84,6 @@ def _embedded(uri: str) -> bytes:
     if not comma:
         raise ValueError("a data URI without data")
     return base64.b64decode(unquote_to_bytes(body)) if head.endswith(";base64") else unquote_to_bytes(body)
-
-
-def unusable(data: bytes) -> str | None:
-    """Return why these bytes cannot be a texture, for a note, or None if Pillow can open them."""
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(io.BytesIO(data)):
-            return None
-    except Image.DecompressionBombError:
-        return f"too large, more than the {2 * (Image.MAX_IMAGE_PIXELS or 0):,} pixels that are read"
-    except UnidentifiedImageError:
-        return f"expected an image, got {looks_like(data)}"
-    except Exception as error:  # a decoder may raise anything on a broken image
-        return f"not a readable image, {type(error).__name__}"
 
 
 def named(name: str) -> str:

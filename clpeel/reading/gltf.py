@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from clpeel.errors import InputError
-from clpeel.reading.companions import Companions, named, unusable
+from clpeel.reading.companions import Companions, named
+from clpeel.reading.images import unusable
 from clpeel.reading.strips import fan, strip
 from clpeel.scene.arrays import AnyArray
 

@@ -270,9 +270,9 @@ def test_bad_images_are_noted_by_name(tmp_path: Path, monkeypatch: Any) -> None:
         "texture 'wood' left out: expected an image, got text that begins with 'no image'",
     )
     picture = image((30, 30))
-    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 100)
+    monkeypatch.setattr("clpeel.reading.images.MOST_TEXELS", 29)
     (note,) = with_texture(picture).load(tmp_path).notes
-    assert note == "texture 'wood' left out: too large, more than the 200 pixels that are read"
+    assert note == "texture 'wood' left out: too large, 30 x 30 texels; at most 29 x 29 are read"
 
 
 @pytest.mark.parametrize("uri", ["none.png", "../none.png", "data:image/png,", "data:image/png;base64,@"])

@@ -92,10 +92,10 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 
 def test_textures_too_large_are_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     red(tmp_path / "wood.png")
-    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 1)
+    monkeypatch.setattr("clpeel.reading.images.MOST_TEXELS", 1)
     (tmp_path / "m.mtl").write_text(f"{MTL}map_Kd wood.png\n")
     (note,) = notes(tmp_path / "t.obj", "mtllib m.mtl\n" + OBJ)
-    assert note == "texture 'wood.png' left out: too large, more than the 2 pixels that are read"
+    assert note == "texture 'wood.png' left out: too large, 2 x 2 texels; at most 1 x 1 are read"
 
 
 def test_other_maps_of_a_used_material_are_one_note(tmp_path: Path) -> None:
