@@ -1,0 +1,55 @@
+"""A sheet's picture: a title, and cells side by side with their labels. A cell without a picture says why."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from collections.abc import Sequence
+
+from PIL import Image, ImageDraw, ImageFont
+
+from sheets.programs import Cell
+from sheets.views import SIDE
+
+GAP, LINE, TEXT = 8, 30, 18
+"""Pixels between cells, height of a line of text, and size of the letters."""
+
+PAPER, INK, EMPTY = "white", "black", "#eeeeee"
+MOST_BYTES = 300_000
+"""A sheet with more bytes than this gets a palette of 256 colours."""
+
+
+def composed(title: str, cells: Sequence[Cell]) -> Image.Image:
+    """Return the sheet."""
+    width = len(cells) * (SIDE + GAP) - GAP
+    page = Image.new("RGB", (width, 2 * LINE + SIDE), PAPER)
+    pen = ImageDraw.Draw(page)
+    font = ImageFont.load_default(TEXT)
+    pen.text((0, 4), title, INK, font)
+    for place, cell in enumerate(cells):
+        left = place * (SIDE + GAP)
+        pen.text((left, LINE + 4), cell.label, INK, font)
+        page.paste(cell.picture or empty(cell.why), (left, 2 * LINE))
+    return page
+
+
+def empty(why: str) -> Image.Image:
+    """Return a cell that says why it has no picture."""
+    cell = Image.new("RGB", (SIDE, SIDE), EMPTY)
+    font = ImageFont.load_default(TEXT)
+    text = "\n".join(textwrap.wrap(f"no picture: {why}", 48))
+    ImageDraw.Draw(cell).multiline_text((SIDE / 2, SIDE / 2), text, INK, font, anchor="mm", align="center")
+    return cell
+
+
+def encoded(page: Image.Image) -> bytes:
+    """Return the sheet as PNG, with all its colours if that is small enough."""
+    data = png(page)
+    return data if len(data) <= MOST_BYTES else png(page.quantize(256, dither=Image.Dither.NONE))
+
+
+def png(page: Image.Image) -> bytes:
+    """Return a picture as PNG."""
+    file = io.BytesIO()
+    page.save(file, "PNG", optimize=True)
+    return file.getvalue()
