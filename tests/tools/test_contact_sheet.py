@@ -85,10 +85,11 @@ def test_a_cell_without_a_picture_says_why() -> None:
 
 
 def test_a_long_reason_stays_within_its_cell() -> None:
-    reason = " ".join(["reason"] * 60)
-    page = np.asarray(composed("", [Cell("", None, reason), Cell("", Image.new("RGB", (SIDE, SIDE), RED))]))
-    assert (page[2 * LINE :, SIDE : SIDE + GAP] == 255).all()
-    assert (page[2 * LINE : 2 * LINE + 8, :SIDE] == page[2 * LINE, 0]).all()
+    page = np.asarray(composed("", [Cell("", None, " ".join(["reason"] * 60))]))[2 * LINE :]
+    inner = np.zeros(page.shape[:2], bool)
+    inner[8:-8, 8:-8] = True
+    written = (page != page[0, 0]).any(axis=2)
+    assert written.any() and not (written & ~inner).any()
 
 
 def test_a_large_sheet_gets_a_palette() -> None:
