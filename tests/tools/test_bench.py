@@ -20,6 +20,8 @@ from benchmark.figures import FIGURES, Figure
 from benchmark.runs import QUICK, SCENES, Bench, Failed, Settings, Skipped, ratio, run, spread, target
 from twins.soups import Soup
 
+import clpeel
+
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENT = f"# Title\n\nabove\n\n{report.BEGIN}\n\nold\n\n{report.END}\n\nbelow\n"
 
@@ -158,6 +160,30 @@ def test_a_peer_that_fails_is_left_out(tmp_path: Path, monkeypatch: pytest.Monke
     tested.close()
 
 
+def test_textures_are_set_beside_flat_and_vertex_colours() -> None:
+    asked: list[Any] = []
+
+    def take_turns(jobs: list[Any], together: bool) -> list[Any]:
+        asked.extend(jobs)
+        return [[{"median_s": float(seconds)}] for seconds in (2, 4, 6, 8, 10, 12, 14)]
+
+    scenes = {"dragon": ["d.ply"], "boxes": ["boxes"]}
+    stub = Stub(scenes=scenes, job=lambda scene, **options: (scene, options), take_turns=take_turns)
+    found = figures.textures(stub)
+    plain = {"keep_color": False}
+    assert asked[:3] == [
+        (["boxes"], plain),
+        (["vertex colors", "boxes"], plain),
+        (["textured", False, "nearest", "boxes"], plain),
+    ]
+    assert asked[-1] == (["textured", False, "linear-mipmap-linear", "boxes"], {**plain, "anisotropy": 4})
+    assert found["table"][0] == ["texture", "boxes, times flat", "boxes, times vertex colours"]
+    assert [cell.split()[0] for cell in found["table"][2][1:]] == ["3.00", "1.50"]
+    assert found["values"]["`nearest`"]["boxes"]["vertex colours"]["median"] == 1.5
+    with pytest.raises(Skipped, match="none of boxes, spheres"):
+        figures.textures(Stub(scenes={"dragon": ["d.ply"]}))
+
+
 def test_settings_say_what_is_reduced() -> None:
     assert Settings().reduced == []
     assert "most triangles: 1,000,000 in place of 10,000,000" in QUICK.reduced
@@ -192,6 +218,38 @@ def test_soup_is_of_less_than_a_pixel() -> None:
     assert extent.max() > 0.9
     assert np.abs(pixels).max() < size / 2
     assert len(np.unique(scene.faces)) == 3000
+
+
+def test_a_textured_scene_has_the_fragments_of_the_plain_one(shared_devices: None) -> None:
+    plain, textured = makers.make("boxes", 3), makers.make("textured", False, "linear-mipmap-linear", "boxes", 3)
+    [texture] = [material.texture for material in textured.materials]
+    assert texture is not None and texture.image.shape == (512, 512, 4)
+    assert textured.surfaces == "transparent" and not textured.kinds.routed.any()
+    ours, theirs = (clpeel.Renderer(scene).render(makers.CAMERA, (96, 96), layers=True) for scene in (plain, textured))
+    assert ours.stats.fragments == theirs.stats.fragments > 1000
+    assert np.array_equal(ours.color[..., 3], theirs.color[..., 3])
+    assert not np.array_equal(ours.image, theirs.image)
+
+
+def test_each_side_of_a_box_gets_the_whole_texture() -> None:
+    scene = makers.make("textured", False, "nearest", "boxes", 2)
+    assert scene.uv is not None
+    side = 12 + np.arange(6)  # the corners of two triangles
+    assert {tuple(uv) for uv in scene.uv[side]} == {(0, 0), (1, 0), (1, 1), (0, 1)}
+    at = {tuple(uv): point for uv, point in zip(scene.uv[side].tolist(), scene.vertices[side], strict=True)}
+    across, down = at[1, 0] - at[0, 0], at[0, 1] - at[0, 0]
+    assert at[1, 1] == pytest.approx(at[0, 0] + across + down)
+    assert np.dot(across, down) == pytest.approx(0, abs=1e-6)
+
+
+def test_a_texture_around_a_sphere_never_turns_back() -> None:
+    angles = np.linspace(0, 2 * np.pi, 33)
+    points = np.stack([np.cos(angles), np.sin(angles), np.full(33, 0.5)], -1)
+    triangles = np.stack([points[:-1], points[1:], np.tile([0.6, 0.0, 2.0], (32, 1))], 1)
+    uv = makers.uv_around(triangles.reshape(-1, 3)).reshape(-1, 3, 2)
+    assert np.abs(uv[:, 1, 0] - uv[:, 0, 0]) == pytest.approx(1 / 32)  # at the seam, too
+    assert (uv[..., 1] > 0).all() and (uv[..., 1] < 0.5).all()  # the upper half: z is up
+    assert (uv[:, 2, 1] < uv[:, 0, 1]).all()
 
 
 # --- text -------------------------------------------------------------------------------------------------------------

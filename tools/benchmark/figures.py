@@ -348,6 +348,52 @@ def features(bench: Bench) -> Values:
     return {"values": values, "targets": [], "table": table, "notes": notes}
 
 
+AROUND = {"boxes": False, "spheres": True}
+"""The scenes that get a texture, and whether it goes around the scene, or onto each side (makers.textured)."""
+
+FILTERS: dict[str, tuple[str, dict[str, Any]]] = {
+    "`nearest`": ("nearest", {}),
+    "`linear`": ("linear", {}),
+    "`linear-mipmap-nearest`": ("linear-mipmap-nearest", {}),
+    "`linear-mipmap-linear`": ("linear-mipmap-linear", {}),
+    "`linear-mipmap-linear`, `anisotropy=4`": ("linear-mipmap-linear", {"anisotropy": 4}),
+}
+"""How a texture is minified, and options of `sort`."""
+
+
+@figure("textures", "What a texture costs: frames with one, in times those with a colour for each face or vertex")
+def textures(bench: Bench) -> Values:
+    """Measure scenes as they are, with vertex colours, and with a texture. All of them have the same fragments."""
+    from benchmark.makers import TEXELS
+
+    values: Values = {}
+    scenes = {name: made for name, made in bench.scenes.items() if name in AROUND}
+    if not scenes:
+        raise Skipped(f"none of {', '.join(AROUND)} is there")
+    heads = [f"{name}, times {what}" for name in scenes for what in ("flat", "vertex colours")]
+    rows: dict[str, list[str]] = {}
+    for scene, made in scenes.items():
+        plain = {"keep_color": False}
+        jobs = [bench.job(made, **plain), bench.job(["vertex colors", *made], **plain)]
+        jobs += [
+            bench.job(["textured", AROUND[scene], minify, *made], **plain, **options)
+            for minify, options in FILTERS.values()
+        ]
+        found = bench.take_turns(jobs, together=True)
+        flat, vertex, *others = ([one["median_s"] for one in rounds] for rounds in found)
+        rows.setdefault("plain, ms", []).extend(cell(spread(each), 1e3) for each in (flat, vertex))
+        for text, seconds in zip(FILTERS, others, strict=True):
+            times = {"flat": ratio(seconds, flat), "vertex colours": ratio(seconds, vertex)}
+            values.setdefault(text, {})[scene] = times
+            rows.setdefault(text, []).extend(map(cell, times.values()))
+    table = [["texture", *heads], *([text, *cells] for text, cells in rows.items())]
+    notes = [
+        "plain: the time of `sort` with a colour for each face, and for each vertex, over white, without `color`; "
+        f"the texture is opaque, {TEXELS} x {TEXELS}, and times the face's colour"
+    ]
+    return {"values": values, "targets": [], "table": table, "notes": notes}
+
+
 @figure("limit", "Distance from the limit that memory sets")
 def limit(bench: Bench) -> Values:
     copied = bench.bandwidth

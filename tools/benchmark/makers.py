@@ -6,8 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import clpeel
+from clpeel.scene.textures import Minify
 
 CAMERA = clpeel.Camera((0, 0, 4), (0, 0, 0), view_angle=30, clipping_range=(2, 6))
 HALF_ANGLE = math.radians(15)
@@ -77,12 +79,51 @@ def some_opaque(apart: int, *scene: Any) -> clpeel.Scene:
     return clpeel.Scene.from_arrays(made.vertices, made.faces, face_colors=rgba)
 
 
+TEXELS = 512
+"""On a side of the texture of `textured`."""
+
+QUADS = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], np.float32)
+"""Texture coordinates of two triangles that make a quad."""
+
+
+def textured(around: bool, minify: Minify, *scene: Any) -> clpeel.Scene:
+    """Return a scene with a texture on it, times the face's colour. Its texels are opaque, so alphas stay as they are.
+
+    around: whether the texture is put around the origin, once. Else each two triangles get all of it.
+    minify: the filter; the one for larger texels is linear if this one is, within a level.
+    """
+    made = make(*scene)
+    corners = made.faces.reshape(-1)
+    vertices = made.vertices[corners]
+    uv = uv_around(vertices) if around else np.resize(QUADS.reshape(-1, 2), (len(corners), 2))
+    image = np.random.default_rng(4).integers(0, 256, (TEXELS, TEXELS, 4), np.uint8)
+    image[..., 3] = 255
+    texture = clpeel.Texture(image, magnify="nearest" if minify.startswith("nearest") else "linear", minify=minify)
+    return clpeel.Scene.from_arrays(
+        vertices,
+        np.arange(len(corners)).reshape(-1, 3),
+        face_colors=np.broadcast_to(made.colors, (len(made.faces), 4)),
+        materials=[clpeel.Material(texture=texture, alpha_mode="BLEND")],
+        uv=uv,
+    )
+
+
+def uv_around(corners: NDArray[Any]) -> NDArray[np.float64]:
+    """Return longitude and latitude of corners [3 m, 3] as texture coordinates. No triangle turns back at the seam."""
+    x, y, z = corners.T.astype(np.float64)
+    u = (np.arctan2(y, x) / (2 * math.pi)).reshape(-1, 3)
+    u -= np.round(u - u[:, :1])
+    v = np.arccos(z / np.maximum(np.linalg.norm(corners, axis=1), 1e-30)) / math.pi
+    return np.stack([u.reshape(-1), v], -1)
+
+
 OWN: dict[str, Any] = {
     "boxes": boxes,
     "stack": stack,
     "soup": soup,
     "vertex colors": vertex_colors,
     "some opaque": some_opaque,
+    "textured": textured,
 }
 
 
