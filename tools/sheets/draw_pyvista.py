@@ -17,12 +17,12 @@ PEELS = 1000
 
 
 def add(plotter: Any, model: str) -> None:
-    """Add a file with its materials, where PyVista has an importer for them; else its mesh alone."""
+    """Add a file with its materials, where it has some and PyVista has an importer for them; else its mesh alone."""
     kind = Path(model).suffix.lower()
     if kind in (".glb", ".gltf"):
         plotter.import_gltf(model)
-    elif kind == ".obj":
-        plotter.import_obj(model, material_file(model))
+    elif kind == ".obj" and (materials := material_file(model)):
+        plotter.import_obj(model, materials)
     else:
         plotter.add_mesh(pv.read(model))
 

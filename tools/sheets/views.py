@@ -60,6 +60,7 @@ ASLANT = (-1.0, -0.6, -1.4)
 
 DEFAULTS: dict[str, tuple[str, dict[str, Any]]] = {
     "alpha-modes": ("AlphaBlendModeTest.glb", {"lit": True, "zoom": 2.4, "at": (-2.0, 1.2, 0.0)}),
+    "alpha-cutoffs": ("AlphaBlendModeTest.glb", {"lit": True, "zoom": 2.4, "at": (2.6, 1.2, 0.0)}),
     "truck": ("CesiumMilkTruck.glb", {"direction": ASLANT}),
     "truck-translucent": ("CesiumMilkTruck.glb", {"direction": ASLANT, "opacity": 0.4}),
     "duck": ("Duck.glb", {"direction": ASLANT}),
