@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+MOMENT = ("animation_index", "animation_time")
+"""The options of a moment of an animation."""
+
 
 def _view_up(options: argparse.Namespace, view: Sequence[float]) -> Vector:
     """Return `--camera-view-up`, else `--up`. If neither is given, return Y, or Z if the camera looks along Y."""
@@ -88,12 +91,20 @@ def load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
         import clpeel
 
         extra = {"drop_duplicates": True} if options.drop_duplicates else {}
+        moment = {name: getattr(options, name) for name in MOMENT if getattr(options, name) is not None}
         opacities, colors = options.opacity or [None], options.color or [None]
         if len(opacities) == len(colors) == 1:
-            return clpeel.load(*options.files, opacity=opacities[0], color=colors[0], **extra)
+            return clpeel.load(*options.files, opacity=opacities[0], color=colors[0], **moment, **extra)
+        from clpeel.reading.load import may_move
+
+        moving = {file for file in options.files if may_move(file)} or {*options.files}  # if none may, it is an error
         count = len(options.files)
         each = zip(options.files, _for_each(opacities, count), _for_each(colors, count), strict=True)
-        return clpeel.load(*(clpeel.load(file, opacity=opacity, color=color) for file, opacity, color in each), **extra)
+        scenes = [
+            clpeel.load(file, opacity=opacity, color=color, **(moment if file in moving else {}))
+            for file, opacity, color in each
+        ]
+        return clpeel.load(*scenes, **extra)
 
     return load, ", ".join(os.path.basename(name) for name in options.files)
 

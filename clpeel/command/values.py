@@ -110,6 +110,13 @@ def port(text: str) -> int:
     return value
 
 
+def index(text: str) -> int:
+    """Read a whole number of 0 or more."""
+    if not re.fullmatch(r"[0-9]+", text):
+        raise argparse.ArgumentTypeError(f"expected a whole number of 0 or more, got '{text}'")
+    return int(text)
+
+
 def counts(text: str) -> tuple[int, ...]:
     """Read whole numbers of 1 or more, with commas between them."""
     try:

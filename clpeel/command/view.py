@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from clpeel.command.inputs import load_demo, load_files, make_camera
+from clpeel.command.inputs import MOMENT, load_demo, load_files, make_camera
 from clpeel.command.render import given_options
 from clpeel.command.streams import quiet_libraries, say, say_notes
 from clpeel.command.terminal import Progress
@@ -74,6 +74,9 @@ def source_of(options: argparse.Namespace) -> Source:
             yield f"--color={','.join(map(repr, color))}"
         if options.drop_duplicates:
             yield "--drop-duplicates"
+        for name in MOMENT:
+            if getattr(options, name) is not None:
+                yield f"--{name.replace('_', '-')}={getattr(options, name)!r}"
 
     def device() -> Iterator[str]:
         for name in ("device", "lanes"):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.errors import InputError
+from clpeel.reading.transforms import cofactors, moved, turned
 from clpeel.scene.arrays import DEFAULT_COLOR, AnyArray, Colors, alike, as_float
 from clpeel.scene.scene import Scene, joined
 
@@ -47,25 +48,13 @@ def _from_mesh(mesh: Any, matrix: NDArray[np.float64]) -> Scene:
     if normals is not None and normals.shape != vertices.shape:
         normals = None
     if not np.array_equal(matrix, np.eye(4)):
-        turn = matrix[:3, :3]
-        vertices = _linear(vertices, turn) + matrix[:3, 3]
+        vertices = moved(vertices, matrix)
         if normals is not None:
-            turn = turn / np.abs(turn).max()
-            cofactors = np.cross(turn[[1, 2, 0]], turn[[2, 0, 1]])  # the inverse transpose times the determinant
-            normals = _linear(normals, cofactors)
+            normals = turned(normals, cofactors(matrix)[0])
             normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     colors, notes = _mesh_colors(mesh)
     scene = Scene.from_arrays(vertices, np.asarray(mesh.faces), vertex_normals=normals, **colors)
     return replace(scene, notes=notes)
-
-
-def _linear(points: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return matrix [3, 3] times each of points [n, 3].
-
-    The sums have a fixed order, which a BLAS would not promise: so the bits are the same on every machine.
-    """
-    x, y, z = points[:, :1], points[:, 1:2], points[:, 2:]
-    return x * matrix[:, 0] + y * matrix[:, 1] + z * matrix[:, 2]
 
 
 def _mesh_colors(mesh: Any) -> tuple[dict[str, Any], tuple[str, ...]]:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import gzip
 import io
 import logging
+import math
 import os
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from types import NoneType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from clpeel import checks
 from clpeel.errors import InputError
+from clpeel.reading.companions import Companions
 from clpeel.reading.from_trimesh import from_trimesh, one_line
 from clpeel.reading.plain import READERS
 from clpeel.reading.reader_log import collected
@@ -25,33 +29,48 @@ from clpeel.scene.arrays import checked_color, checked_opacity
 from clpeel.scene.duplicates import duplicates
 from clpeel.scene.scene import Scene, joined, recolored, without_faces
 
+if TYPE_CHECKING:
+    from clpeel.reading.gltf_animations import Moment
+
+GLTF = ("glb", "gltf")
+
 KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf")
 """File types that `load` always reads, with or without .gz. It reads more where trimesh has the packages for them."""
 
 
 def load(
-    *sources: Any, opacity: float | None = None, color: ArrayLike | None = None, drop_duplicates: bool = False
+    *sources: Any,
+    opacity: float | None = None,
+    color: ArrayLike | None = None,
+    drop_duplicates: bool = False,
+    animation_index: int | None = None,
+    animation_time: float | None = None,
 ) -> Scene:
     """Return one Scene from mesh files, trimesh meshes or scenes, and Scenes. Several are joined in the order given.
 
     Files may be PLY, STL, OBJ, OFF, GLB, glTF or 3MF, each with or without .gz. Scene-graph transforms are applied in
     float64. Colours come from the faces, the vertices, the materials (glTF base colour with its alphaMode, OBJ Kd and
-    d) or the textures, which are sampled at the vertices. A mesh without any colour gets DEFAULT_COLOR. Colours are
-    used as they are stored, without a conversion from linear to sRGB.
+    d) or the textures. Those of glTF are linear, and are shown as sRGB. A mesh without any colour gets DEFAULT_COLOR,
+    but a glTF mesh without a material is white.
 
     color [3|4], or text such as "steelblue", replaces every rgb; with an alpha, it replaces every alpha too. opacity
     0..1 replaces every alpha. drop_duplicates: faces whose three corners lie at the same places, in any order, are
     duplicates; only the first of them is kept, with its colours, and the vertices stay. The scene's notes say what a
     file holds that the scene lacks, and how many faces are duplicates.
 
+    animation_index, from 0, and animation_time, in seconds, choose a moment of an animation in every glTF file. One of
+    them alone means animation 0, or its start. Without both, meshes are in their pose at rest.
+
     Raises InputError, one line that begins with the file's name, if a file is missing, unreadable, damaged, of an
-    unknown type, without triangles, or requires a glTF extension that is not read.
+    unknown type, without triangles, or requires a glTF extension that is not read, or if a glTF file has no such
+    animation, or no source is a glTF file that could have one.
     """
     if not sources:
         raise InputError("load: expected at least one mesh file, trimesh object or Scene, got none")
     given_opacity = None if opacity is None else checked_opacity(opacity)
     given_color = None if color is None else checked_color("color", color)
-    scene = _without_duplicates(joined([_opened(source) for source in sources]), drop_duplicates)
+    moment = _moment(sources, animation_index, animation_time)
+    scene = _without_duplicates(joined([_opened(source, moment) for source in sources]), drop_duplicates)
     return scene if color is None and opacity is None else recolored(scene, given_color, given_opacity)
 
 
@@ -75,12 +94,34 @@ def _without_duplicates(scene: Scene, drop: bool) -> Scene:
     return replace(without_faces(scene, found), notes=(*notes, said))
 
 
-def _opened(source: Any) -> Scene:
-    """Return the scene of one source of `load`."""
+def may_move(source: Any) -> bool:
+    """Return whether a source of `load` is a file of a type that may have animations: glTF."""
+    return isinstance(source, (str, os.PathLike)) and _extension(os.fsdecode(source)) in GLTF
+
+
+def _moment(sources: Sequence[Any], index: int | None, time: float | None) -> Moment | None:
+    """Return the moment of an animation that is asked for, or None. Raises InputError."""
+    if index is None and time is None:
+        return None
+    if not any(may_move(source) for source in sources):
+        name = "animation_time" if index is None else "animation_index"
+        raise InputError(f"{name}: expected a glTF file among the sources, as others have no animations, got none")
+    from clpeel.reading.gltf_animations import Moment
+
+    if not isinstance(index, (int, np.integer, NoneType)):
+        raise InputError(f"animation_index: expected a whole number, got {index!r}")
+    seconds = checks.number(0 if time is None else time)
+    if not math.isfinite(seconds):
+        raise InputError(f"animation_time: expected a number of seconds, got {time!r}")
+    return Moment(int(index or 0), seconds)
+
+
+def _opened(source: Any, moment: Moment | None) -> Scene:
+    """Return the scene of one source of `load`, at a moment of an animation if it may have any."""
     if isinstance(source, Scene):
         return source
     if isinstance(source, (str, os.PathLike)):
-        return _from_file(os.fsdecode(source))
+        return _from_file(os.fsdecode(source), moment)
     trimesh = sys.modules.get("trimesh")
     if trimesh is not None and isinstance(source, (trimesh.Trimesh, trimesh.Scene, trimesh.PointCloud)):
         with _errors_named("trimesh object"), collected():
@@ -88,10 +129,9 @@ def _opened(source: Any) -> Scene:
     raise InputError(f"load: expected a path, a trimesh object or a Scene, got {type(source).__name__}")
 
 
-def _from_file(path: str) -> Scene:
-    """Return the scene in a mesh file."""
-    stem = path[:-3] if path.lower().endswith(".gz") else path
-    extension = os.path.splitext(stem)[1].lower().removeprefix(".")
+def _from_file(path: str, moment: Moment | None) -> Scene:
+    """Return the scene in a mesh file, at a moment of an animation if it may have any."""
+    extension = _extension(path)
     if os.path.isdir(path):
         raise InputError(f"{path}: expected a mesh file, one of {_known()}, got a directory")
     if extension not in KNOWN_EXTENSIONS and os.path.exists(path):
@@ -100,6 +140,11 @@ def _from_file(path: str) -> Scene:
     with _errors_named(path), collected():
         if extension != "stl":
             check_beginning(extension, data)
+        if extension in GLTF:
+            # It is imported here because most files do not need it.
+            from clpeel.reading.gltf import read_gltf
+
+            return read_gltf(data, extension, Companions(path), moment)
         plain = READERS[extension](data) if extension in READERS else None
     if plain is not None:
         return plain
@@ -108,23 +153,23 @@ def _from_file(path: str) -> Scene:
         return _read(path, extension, data, records)
 
 
+def _extension(path: str) -> str:
+    """Return the extension of a path in lower case, without its dot, and without that of gzip."""
+    stem = path[:-3] if path.lower().endswith(".gz") else path
+    return os.path.splitext(stem)[1].lower().removeprefix(".")
+
+
 def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecord]) -> Scene:
     """Return the scene that trimesh reads from a file's data, with notes of what it lacks. records: trimesh's log."""
     # These are imported here because most files need none of them: plain.py reads those.
     import trimesh
 
     from clpeel.reading import losses
-    from clpeel.reading.companions import Companions
-    from clpeel.reading.gltf import plain_gltf
     from clpeel.reading.relative import with_absolute_indices
 
     companions = Companions(path)
-    if extension in ("glb", "gltf"):
-        data, notes = plain_gltf(data, extension, companions)
-        extension = "gltf"
-    else:
-        notes = losses.found(extension, data, companions)
-        data = with_absolute_indices(data) if extension == "obj" else data
+    notes = losses.found(extension, data, companions)
+    data = with_absolute_indices(data) if extension == "obj" else data
     loaded = trimesh.load_scene(io.BytesIO(data), file_type=extension, resolver=companions, process=False)
     notes += losses.logged(records, told=extension in KNOWN_EXTENSIONS)
     notes += losses.missing(companions, notes)

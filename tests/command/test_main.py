@@ -135,7 +135,8 @@ def test_answers_without_heavy_imports(arguments: list[str]) -> None:
 def test_help_is_ascii_and_names_every_option() -> None:
     text = run("render", "--help").stdout.decode("ascii")
     for option in (
-        "--output -o --drop-duplicates --resolution --opacity --color --background-color --no-background --unlit "
+        "--output -o --drop-duplicates --animation-index --animation-time "
+        "--resolution --opacity --color --background-color --no-background --unlit "
         "--camera-position --camera-focal-point --camera-view-up --camera-view-angle --camera-direction "
         "--camera-azimuth-angle --camera-elevation-angle --camera-zoom-factor --camera-orthographic --up "
         "--clipping-range --technique --passes --no-occlusion-query --coincident --precision --layers --memory "
@@ -526,6 +527,32 @@ def test_duplicates_are_dropped_where_that_is_asked_for(
     assert cli.main([*given, "--drop-duplicates", "--opacity=1", "--opacity=0.5"]) == 0
     assert asked == [None, True, None, None, True]  # those of both files together
     assert cli.main(["demo", "--drop-duplicates"]) == 2
+
+
+def test_a_moment_of_an_animation_is_asked_for(
+    mesh: Path, fake: Any, tmp_path: Path, monkeypatch: Any, capfd: Any
+) -> None:
+    asked, still = [], clpeel.load(mesh)
+
+    def noting(*sources: Any, **options: Any) -> Any:
+        asked.append((sources, options.get("animation_index"), options.get("animation_time")))
+        return still
+
+    monkeypatch.setattr(clpeel, "load", noting)
+    words = ["--quiet", "-o", str(tmp_path / "out.png")]
+    moment = ["--animation-index", "1", "--animation-time", "-0.5"]
+    assert cli.main(["render", "a.glb", "b.ply", *words, *moment]) == cli.main(["render", "a.glb", *words]) == 0
+    assert asked == [(("a.glb", "b.ply"), 1, -0.5), (("a.glb",), None, None)]
+    asked.clear()
+    each = ["--opacity=1", "--opacity=0.5"]
+    assert cli.main(["render", "a.GLTF.gz", "b.ply", *words, *moment, *each]) == 0
+    assert asked == [(("a.GLTF.gz",), 1, -0.5), (("b.ply",), None, None), ((still, still), None, None)]
+    asked.clear()
+    assert cli.main(["render", "b.ply", "c.ply", *words, *moment, *each]) == 0
+    assert asked[0] == (("b.ply",), 1, -0.5)  # which is an error
+    for wrong in ("--animation-index=-1", "--animation-index=x", "--animation-time=x"):
+        assert cli.main(["render", "a.glb", wrong]) == 2
+        assert wrong.partition("=")[0] in capfd.readouterr().err
 
 
 def test_notes_about_the_picture_are_said_once(mesh: Path, tmp_path: Path, capfd: Any, monkeypatch: Any) -> None:

@@ -64,7 +64,7 @@ def test_zip_archives_of_other_things_are_no_3mf(tmp_path: Path) -> None:
         ("t.glb", b"glTF" + bytes(4), "the file is cut: expected 20 bytes or more, got 8"),
         (
             "t.gltf",
-            b'{"asset": {"version": "2.0"}, "meshes": [{}]}',
+            b'{"asset": {"version": "2.0"}, "meshes": [{}], "nodes": [{"mesh": 0}]}',
             "(the reader stopped with KeyError: 'primitives')",
         ),
     ],

@@ -187,3 +187,5 @@ def test_the_source_has_the_words_that_make_the_same_scene() -> None:
     assert source.words == ("clpeel", "render", "./-a.stl", "b.obj")
     assert source.scene == ("--opacity=0.5", "--opacity=1.0", "--color=1.0,0.0,0.0", "--drop-duplicates")
     assert source.device == ("--device=0",)
+    source = source_of(parser.parse(["view", "a.glb", "--animation-index=2", "--animation-time=0.25"]))
+    assert source.scene == ("--animation-index=2", "--animation-time=0.25")
