@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import os
 import stat
+from collections.abc import Iterable
 from urllib.parse import unquote, unquote_to_bytes
 
 from clpeel.files import open_at_once
@@ -38,6 +39,19 @@ class Companions:
 
     __getitem__ = get
 
+    def has(self, name: str) -> bool:
+        """Return whether there are bytes behind a name."""
+        try:
+            self.get(name)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Forget that these names were asked for in vain, as others stand for them."""
+        for name in names:
+            self.lost.pop(name, None)
+
     def _file(self, name: str) -> bytes:
         """Return the bytes of the first regular file that the name may mean.
 
@@ -47,7 +61,7 @@ class Companions:
         usual = plain.strip('"').replace("\\", "/")  # a name may be quoted, or written on Windows
         reason = "no such file"
         for spelling in dict.fromkeys((plain, usual, unquote(usual), usual.lstrip("/"), os.path.basename(usual))):
-            path = os.path.realpath(os.path.join(self.folder, spelling))
+            path = os.path.realpath(self._in_any_case(os.path.join(self.folder, spelling)))
             if os.path.commonpath((path, self.folder)) != self.folder:
                 reason = "it lies outside the folder of the mesh" if reason == "no such file" else reason
             elif os.path.lexists(path):
@@ -55,6 +69,24 @@ class Companions:
                     return _regular(path)
                 reason = "not a regular file"
         raise ValueError(reason)
+
+    def _in_any_case(self, path: str) -> str:
+        """Return the path of a file below the folder whose name differs in upper and lower case alone, if there is one.
+
+        Names from Windows may be written in any way. Otherwise return the path as it is.
+        """
+        if os.path.lexists(path) or not path.startswith(self.folder + os.sep):
+            return path
+        found = self.folder
+        for part in path[len(self.folder) + 1 :].split(os.sep):
+            exact = os.path.join(found, part)
+            try:
+                names = sorted(os.listdir(found)) if part not in ("", ".", "..") and not os.path.lexists(exact) else []
+            except OSError:
+                return path
+            alike = [name for name in names if name.casefold() == part.casefold()]
+            found = os.path.join(found, alike[0]) if alike else exact
+        return found
 
     def picture(self, name: str) -> str | None:
         """Return why the picture behind a name cannot be a texture, for a note, or None if Pillow can open it.

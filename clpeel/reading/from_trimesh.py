@@ -1,4 +1,4 @@
-"""Converts trimesh's meshes and scenes to Scenes: transforms in float64, and colours from all of trimesh's sources."""
+"""Converts trimesh's meshes and scenes to Scenes: transforms in float64, colours, and materials with their textures."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.errors import InputError
+from clpeel.reading.mtl import finished
 from clpeel.reading.transforms import cofactors, moved, turned
-from clpeel.scene.arrays import DEFAULT_COLOR, AnyArray, Colors, alike, as_float
+from clpeel.scene.arrays import AnyArray
+from clpeel.scene.materials import ALPHA_MODES, NO_MATERIAL, Material
 from clpeel.scene.scene import Scene, joined
+from clpeel.scene.textures import Texture, linear
 
 
-def from_trimesh(source: Any) -> Scene:
+def from_trimesh(source: Any, display_referred: bool = False) -> Scene:
     """Return the triangles of a trimesh mesh, or of all nodes of a trimesh scene in graph order.
 
+    display_referred: whether the colours of materials for glTF are, as in a COLLADA file. They are linear in glTF.
     Raises InputError if there are no triangles. Lines, points and meshes without faces are skipped, and a note says so.
     """
     if hasattr(source, "graph"):
@@ -30,7 +34,8 @@ def from_trimesh(source: Any) -> Scene:
     left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
     if not meshes:
         raise InputError(f"expected triangles, got {left_out or 'none'}; the mesh is empty")
-    scene = joined([_from_mesh(mesh, matrix) for mesh, matrix in meshes])
+    made = _Materials(display_referred)
+    scene = joined([_from_mesh(mesh, matrix, made) for mesh, matrix in meshes])
     return replace(scene, notes=(*scene.notes, f"left out, not triangles: {left_out}")) if left_out else scene
 
 
@@ -41,7 +46,7 @@ def _kind(piece: Any) -> str:
     return "mesh(es) without faces" if hasattr(piece, "faces") else "point cloud(s)"
 
 
-def _from_mesh(mesh: Any, matrix: NDArray[np.float64]) -> Scene:
+def _from_mesh(mesh: Any, matrix: NDArray[np.float64], made: _Materials) -> Scene:
     """Return the Scene of one trimesh.Trimesh, transformed by matrix [4, 4]."""
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     normals = np.asarray(mesh.vertex_normals) if "vertex_normals" in mesh._cache else None
@@ -52,38 +57,43 @@ def _from_mesh(mesh: Any, matrix: NDArray[np.float64]) -> Scene:
         if normals is not None:
             normals = turned(normals, cofactors(matrix)[0])
             normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    colors, notes = _mesh_colors(mesh)
-    scene = Scene.from_arrays(vertices, np.asarray(mesh.faces), vertex_normals=normals, **colors)
-    return replace(scene, notes=notes)
+    surface, notes = _surface(mesh, made)
+    scene = Scene.from_arrays(vertices, np.asarray(mesh.faces), vertex_normals=normals, **surface)
+    return replace(scene, notes=tuple(notes))
 
 
-def _mesh_colors(mesh: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return the colour argument of Scene.from_arrays for a trimesh.Trimesh ({} if it has no colour), and notes."""
+# --- colours and materials --------------------------------------------------------------------------------------------
+
+
+def _surface(mesh: Any, made: _Materials) -> tuple[dict[str, Any], list[str]]:
+    """Return the colours and materials of a trimesh.Trimesh, as Scene.from_arrays has them, and notes."""
     visual, notes = mesh.visual, list[str]()
     if visual.kind in ("face", "vertex"):
         name = f"{visual.kind}_colors"
         values = np.asarray(getattr(visual, name))
         if len(values) == len(mesh.faces if visual.kind == "face" else mesh.vertices):
-            return {name: values}, ()
-        return {}, (f"{name} left out: {len(values)} do not fit the mesh",)
+            return {name: values}, []
+        return {}, [f"{name} left out: {len(values)} do not fit the mesh"]
     if visual.kind != "texture":
-        return {}, ()
-    if hasattr(visual.material, "materials"):  # each face has a material of its own
-        table = [_material(material, None, notes) for material in visual.material.materials]
-        default = np.array(DEFAULT_COLOR, np.uint8)
-        rgba = alike([default if c is None else _finished(m, c) for m, c in zip(visual.material, table, strict=True)])
-        return {"face_colors": np.array(rgba)[np.asarray(visual.face_materials)]}, tuple(notes)
-    uv = visual.uv if np.shape(visual.uv) == (len(mesh.vertices), 2) else None
-    colors = _material(visual.material, uv, notes)
+        return {}, []
+    several = hasattr(visual.material, "materials")  # each face has a material of its own
+    own = visual.material.materials if several else [visual.material]
+    uv = np.asarray(visual.uv, np.float64) if np.shape(visual.uv) == (len(mesh.vertices), 2) else None
+    found = [made.material(material, uv is not None, notes) for material in own]
+    fields: dict[str, Any] = {}
+    materials = [material for material in found if material is not None]
+    if materials:
+        places = np.array([materials.index(m) if m is not None else NO_MATERIAL for m in found], np.int64)
+        of_faces = np.asarray(visual.face_materials, np.int64) if several else np.zeros(len(mesh.faces), np.int64)
+        fields |= {"materials": materials, "face_materials": places[of_faces]}
+    if uv is not None and any(material.texture is not None for material in materials):
+        fields["uv"] = uv * [1, -1] + [0, 1]  # trimesh's v points up
     attributes = [a["color"] for a in (visual.vertex_attributes, mesh.vertex_attributes) if "color" in a]
     if attributes and np.shape(attributes[0]) in ((len(mesh.vertices), 3), (len(mesh.vertices), 4)):
-        own = _unit_colors(np.asarray(attributes[0]))
-        colors = own if colors is None else own * as_float(colors)
+        fields["vertex_colors"] = _unit_colors(np.asarray(attributes[0]))
     elif attributes:
         notes.append("vertex colours left out: they do not fit the mesh")
-    if colors is None:
-        return {}, tuple(notes)
-    return {"color" if colors.ndim == 1 else "vertex_colors": _finished(visual.material, colors)}, tuple(notes)
+    return fields, notes
 
 
 _INVENTED_DIFFUSE = (102, 102, 102, 255)  # trimesh gives this colour to a material without Kd
@@ -91,64 +101,82 @@ _INVENTED_DIFFUSE = (102, 102, 102, 255)  # trimesh gives this colour to a mater
 _INVENTED_IMAGE = bytes((100, 100, 100, 255)) * 4
 
 
-def _material(material: Any, uv: NDArray[np.float64] | None, notes: list[str]) -> Colors | None:
-    """Return a material's RGBA: [4], or [n, 4] if it has a texture, sampled at uv [n, 2].
+class _Materials:
+    """The Materials of trimesh's materials. Each of these, and each image, is turned into one only once.
 
-    None if trimesh invented it.
+    display_referred: whether the colours of glTF materials are so, and their alpha counts: trimesh makes such materials
+    of COLLADA files, too, whose colours are not linear.
     """
-    if hasattr(material, "baseColorFactor"):  # glTF
-        factor, image = material.baseColorFactor, material.baseColorTexture
-    else:  # OBJ and others
-        image, invented = material.image, "kd" not in material.kwargs and tuple(material.diffuse) == _INVENTED_DIFFUSE
+
+    def __init__(self, display_referred: bool) -> None:
+        self._display_referred = display_referred
+        self._made: dict[tuple[int, bool], tuple[Any, Material | None, list[str]]] = {}
+        self._textures: dict[int, tuple[Any, Texture | str]] = {}
+
+    def material(self, source: Any, has_uv: bool, notes: list[str]) -> Material | None:
+        """Return a trimesh material as a Material, and add notes. None if trimesh invented it.
+
+        has_uv: whether the mesh has coordinates for a texture. trimesh's doubleSided is ignored: False is what it is
+        in every material that says nothing of it.
+        """
+        key = id(source), has_uv
+        if key not in self._made:
+            own = list[str]()
+            pbr = hasattr(source, "baseColorFactor")
+            made = self._of_gltf(source, has_uv, own) if pbr else self._of_obj(source, has_uv, own)
+            self._made[key] = source, made, own  # the source is kept, so that no other one gets its id
+        notes += [note for note in self._made[key][2] if note not in notes]
+        return self._made[key][1]
+
+    def _of_gltf(self, source: Any, has_uv: bool, notes: list[str]) -> Material:
+        """Return the Material of a PBRMaterial. trimesh keeps its linear colour as bytes."""
+        factor = source.baseColorFactor
+        rgba = np.ones(4) if factor is None else np.asarray(factor, np.float64) / 255
+        texture = self._texture(source.baseColorTexture, has_uv, notes)
+        mode = source.alphaMode or "OPAQUE"
+        if self._display_referred:
+            rgba[:3] = linear(rgba[:3])
+            mode = "BLEND" if rgba[3] < 1 else mode
+        red, green, blue, alpha = (float(value) for value in rgba)
+        cutoff = 0.5 if source.alphaCutoff is None else max(float(source.alphaCutoff), 0.0)
+        known = mode if mode in ALPHA_MODES else "OPAQUE"
+        return Material(str(source.name or ""), (red, green, blue, alpha), texture, known, cutoff)
+
+    def _of_obj(self, source: Any, has_uv: bool, notes: list[str]) -> Material | None:
+        """Return the Material of a SimpleMaterial, which has what an MTL file says, as far as trimesh keeps it."""
+        image, says = source.image, {key: _words(value) for key, value in source.kwargs.items()}
+        invented = "kd" not in says and tuple(source.diffuse) == _INVENTED_DIFFUSE
         if invented and (image is None or (image.size == (2, 2) and image.tobytes() == _INVENTED_IMAGE)):
             return None
-        factor = None if invented else material.diffuse
-    colors: Colors = np.full(4, 255, np.uint8) if factor is None else np.asarray(factor, dtype=np.uint8)
-    if image is None:
-        return colors
-    if uv is None:
-        notes.append("texture left out: the mesh has no coordinates for it")
-        return colors
-    try:
-        texels = _texels(image, uv)
-    except (OSError, ValueError) as error:
-        notes.append(f"texture left out: {one_line(error)}")
-        return colors
-    notes.append("textures are sampled at the vertices only")
-    return texels if (colors == 255).all() else as_float(texels) * as_float(colors)
+        if "kd" not in says and not invented:
+            says["kd"] = _words(np.asarray(source.diffuse)[:3] / 255)
+            says.setdefault("d", str(float(source.diffuse[3]) / 255))
+        if image is not None:
+            says["map_kd"] = ""
+        return finished(str(source.name or ""), says, self._texture(image, has_uv, notes))
+
+    def _texture(self, image: Any, has_uv: bool, notes: list[str]) -> Texture | None:
+        """Return the texture of a Pillow image, or None, after a note, if there is none."""
+        if image is None:
+            return None
+        if not has_uv:
+            notes.append("texture left out: the mesh has no coordinates for it")
+            return None
+        if id(image) not in self._textures:
+            try:
+                self._textures[id(image)] = image, Texture.of(np.asarray(image.convert("RGBA")))
+            except (OSError, ValueError) as error:
+                self._textures[id(image)] = image, f"texture left out: {one_line(error)}"
+        texture = self._textures[id(image)][1]
+        if isinstance(texture, str):
+            notes.append(texture)
+            return None
+        return texture
 
 
-def _texels(image: Any, uv: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return the nearest texels [n, 4] of a PIL image at uv [n, 2], where v points up.
-
-    The image repeats. Coordinates 0 and 1 are the centres of its outermost texels.
-    """
-    pixels: NDArray[np.uint8] = np.asarray(image.convert("RGBA"))
-    size = np.array([image.width, image.height])
-    spot = np.nan_to_num(uv * [1, -1] + [0, 1], posinf=0.0, neginf=0.0) * (size - 1)
-    column, row = (np.rint(np.mod(spot, size)).astype(np.int64) % size).T
-    return np.asarray(pixels[row, column])
-
-
-def _finished(material: Any, colors: Colors) -> Colors:
-    """Return the colours [4] or [n, 4] with the alpha that the material asks for: alphaMode in glTF, d or Tr in OBJ."""
-    top = 255 if colors.dtype == np.uint8 else 1
-    colors = colors.copy()
-    if hasattr(material, "baseColorFactor"):
-        mode = material.alphaMode or "OPAQUE"
-        if mode == "MASK":
-            cutoff = 0.5 if material.alphaCutoff is None else material.alphaCutoff
-            colors[..., 3] = np.where(colors[..., 3] / top >= cutoff, top, 0)
-        elif mode != "BLEND":
-            colors[..., 3] = top
-        return colors
-    for key in ("d", "tr"):
-        if key in material.kwargs:
-            value = float(material.kwargs[key][-1])
-            colors = as_float(colors)
-            colors[..., 3] *= min(max(value if key == "d" else 1 - value, 0.0), 1.0)
-            break
-    return colors
+def _words(value: Any) -> str:
+    """Return a value that trimesh has read from an MTL file as text again."""
+    return " ".join(map(str, value)) if np.ndim(value) else str(value)
 
 
 def _unit_colors(colors: AnyArray) -> NDArray[np.float32]:

@@ -9,7 +9,7 @@ import math
 import os
 import sys
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from types import NoneType
@@ -22,9 +22,12 @@ from clpeel import checks
 from clpeel.errors import InputError
 from clpeel.reading.companions import Companions
 from clpeel.reading.from_trimesh import from_trimesh, one_line
-from clpeel.reading.plain import READERS
+from clpeel.reading.obj import obj
+from clpeel.reading.off import off
+from clpeel.reading.ply import ply
 from clpeel.reading.reader_log import collected
 from clpeel.reading.signatures import check_beginning
+from clpeel.reading.stl import stl
 from clpeel.scene.arrays import checked_color, checked_opacity
 from clpeel.scene.duplicates import duplicates
 from clpeel.scene.scene import Scene, joined, recolored, without_faces
@@ -36,6 +39,9 @@ GLTF = ("glb", "gltf")
 
 KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf")
 """File types that `load` always reads, with or without .gz. It reads more where trimesh has the packages for them."""
+
+_READERS: dict[str, Callable[[bytes, Companions], Scene]] = {"ply": ply, "stl": stl, "obj": obj, "off": off}
+"""Those that need no trimesh. To import it alone can take most of a command's time."""
 
 
 def load(
@@ -49,9 +55,9 @@ def load(
     """Return one Scene from mesh files, trimesh meshes or scenes, and Scenes. Several are joined in the order given.
 
     Files may be PLY, STL, OBJ, OFF, GLB, glTF or 3MF, each with or without .gz. Scene-graph transforms are applied in
-    float64. Colours come from the faces, the vertices, the materials (glTF base colour with its alphaMode, OBJ Kd and
-    d) or the textures. Those of glTF are linear, and are shown as sRGB. A mesh without any colour gets DEFAULT_COLOR,
-    but a glTF mesh without a material is white.
+    float64. Colours come from the faces, the vertices, and the materials with their textures: base colours and alpha
+    modes of glTF, which are linear, and Kd, d, map_Kd and map_d of OBJ, which are display-referred, as are colours in
+    PLY, STL and OFF files. A mesh without any colour gets DEFAULT_COLOR, but a glTF mesh without a material is white.
 
     color [3|4], or text such as "steelblue", replaces every rgb; with an alpha, it replaces every alpha too. opacity
     0..1 replaces every alpha. drop_duplicates: faces whose three corners lie at the same places, in any order, are
@@ -145,9 +151,8 @@ def _from_file(path: str, moment: Moment | None) -> Scene:
             from clpeel.reading.gltf import read_gltf
 
             return read_gltf(data, extension, Companions(path), moment)
-        plain = READERS[extension](data) if extension in READERS else None
-    if plain is not None:
-        return plain
+        if extension in _READERS:
+            return _READERS[extension](data, Companions(path))
     _require_reader(path, extension)
     with _errors_named(path), collected() as records:
         return _read(path, extension, data, records)
@@ -161,19 +166,17 @@ def _extension(path: str) -> str:
 
 def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecord]) -> Scene:
     """Return the scene that trimesh reads from a file's data, with notes of what it lacks. records: trimesh's log."""
-    # These are imported here because most files need none of them: plain.py reads those.
+    # These are imported here because most files need none of them.
     import trimesh
 
     from clpeel.reading import losses
-    from clpeel.reading.relative import with_absolute_indices
 
     companions = Companions(path)
     notes = losses.found(extension, data, companions)
-    data = with_absolute_indices(data) if extension == "obj" else data
     loaded = trimesh.load_scene(io.BytesIO(data), file_type=extension, resolver=companions, process=False)
     notes += losses.logged(records, told=extension in KNOWN_EXTENSIONS)
     notes += losses.missing(companions, notes)
-    scene = from_trimesh(loaded)
+    scene = from_trimesh(loaded, display_referred=extension == "dae")
     own = [note for note in scene.notes if note not in notes]
     return replace(scene, notes=(*notes, *own))
 
