@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from clpeel.errors import InputError
 from clpeel.reading.mtl import finished
 from clpeel.reading.transforms import cofactors, moved, turned
+from clpeel.reading.words import one_line
 from clpeel.scene.arrays import AnyArray
 from clpeel.scene.materials import ALPHA_MODES, NO_MATERIAL, Material
 from clpeel.scene.scene import Scene, joined
@@ -188,10 +189,3 @@ def _unit_colors(colors: AnyArray) -> NDArray[np.float32]:
     rgba = np.ones((len(colors), 4), dtype=np.float32)
     rgba[:, : colors.shape[1]] = np.clip(np.nan_to_num(colors / top), 0, 1)
     return rgba
-
-
-def one_line(error: BaseException) -> str:
-    """Return an error's type and message on one short line, with control characters escaped."""
-    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(str(error).split()))
-    shown = text if len(text) <= 120 else f"{text[:119]}…"
-    return f"{type(error).__name__}: {shown}" if shown else type(error).__name__

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from clpeel.reading.from_trimesh import one_line
 from clpeel.reading.reader_log import collected
 from clpeel.reading.signatures import looks_like
+from clpeel.reading.words import one_line
 from clpeel.scene.arrays import AnyArray
 from clpeel.scene.textures import MOST_TEXELS, Texture
 

@@ -21,13 +21,14 @@ from numpy.typing import ArrayLike
 from clpeel import checks
 from clpeel.errors import InputError
 from clpeel.reading.companions import Companions
-from clpeel.reading.from_trimesh import from_trimesh, one_line
+from clpeel.reading.from_trimesh import from_trimesh
 from clpeel.reading.obj import obj
 from clpeel.reading.off import off
 from clpeel.reading.ply import ply
 from clpeel.reading.reader_log import collected
 from clpeel.reading.signatures import check_beginning
 from clpeel.reading.stl import stl
+from clpeel.reading.words import one_line
 from clpeel.scene.arrays import checked_color, checked_opacity
 from clpeel.scene.duplicates import duplicates
 from clpeel.scene.scene import Scene, joined, recolored, without_faces
