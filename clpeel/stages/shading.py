@@ -16,6 +16,10 @@ from clpeel.scene.materials import Material
 from clpeel.scene.scene import Scene
 from clpeel.scene.textures import Texture, linear_of_bytes, srgb
 
+MOST_FLOAT_BYTES = 1 << 28
+"""Texels are stored as four floats if all of them take no more bytes than this. Kernels need not decode them then, which
+takes a third of their time. The picture has the same bits."""
+
 LEVEL_STARTS = 16
 """Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
 
@@ -58,6 +62,7 @@ def material_table(scene: Scene, packed: Packed) -> NDArray[np.void]:
         flags |= layout.HIDES if place in hiding else 0
         if material.texture is not None:
             row["texture"] = packed.starts[_key(material.texture)]
+            flags |= layout.FLOAT_TEXELS if packed.floats or material.texture.image.dtype != np.uint8 else 0
             row["width"], row["height"] = material.texture.size
             row["last_level"] = len(level_sizes(material.texture)) - 1
         row["flags"] = flags
@@ -74,7 +79,6 @@ def _flags(material: Material) -> int:
     if texture is None:
         return flags
     flags |= layout.TEXTURED
-    flags |= layout.FLOAT_TEXELS if texture.image.dtype != np.uint8 else 0
     for wrap, mirror, clamp in zip(
         texture.wrap, (layout.MIRROR_U, layout.MIRROR_V), (layout.CLAMP_U, layout.CLAMP_V), strict=True
     ):
@@ -99,31 +103,46 @@ def _key(texture: Texture) -> _Key:
 class Packed:
     """The textures of some materials in one array of words, uint32, and where each begins in it, by its key.
 
-    images: kept alive, as their identities are keys.
+    floats: whether all texels are floats. images: kept alive, as their identities are keys.
     """
 
     words: NDArray[np.uint32]
     starts: dict[_Key, int]
+    floats: bool
     images: list[AnyArray] = field(default_factory=list)
 
 
 def packed_textures(materials: Sequence[Material]) -> Packed:
     """Return the textures of these materials, each image once."""
-    parts: list[NDArray[np.uint32]] = [linear_of_bytes().view(np.uint32)]
+    scales = (2.0 ** (np.arange(-15, 1) * 5 / 12)).astype(np.float32)
+    parts: list[NDArray[np.uint32]] = [linear_of_bytes().view(np.uint32), scales.view(np.uint32)]
     starts: dict[_Key, int] = {}
-    images, end = list[AnyArray](), len(parts[0])
-    for texture in (material.texture for material in materials):
-        if texture is None or _key(texture) in starts:
-            continue
-        starts[_key(texture)] = end
+    images, end = list[AnyArray](), sum(map(len, parts))
+    distinct = {_key(texture): texture for texture in (m.texture for m in materials) if texture is not None}
+    texels = sum(width * height for texture in distinct.values() for width, height in level_sizes(texture))
+    floats = 16 * texels <= MOST_FLOAT_BYTES
+    for key, texture in distinct.items():
+        starts[key] = end
         images.append(texture.image)
-        levels = [np.ascontiguousarray(level) for level in mip_map(texture)]
+        levels = [_as_floats(level) if floats else np.ascontiguousarray(level) for level in mip_map(texture)]
         firsts = np.zeros(LEVEL_STARTS, np.uint32)
         counts = [level.shape[0] * level.shape[1] for level in levels]
         firsts[: len(levels)] = np.cumsum([0, *counts[:-1]])
         parts += [firsts, *(level.view(np.uint32).reshape(-1) for level in levels)]
-        end += sum(map(len, parts[-len(levels) - 1 :]))
-    return Packed(np.concatenate(parts), starts, images)
+        words = sum(map(len, parts[-len(levels) - 1 :]))
+        parts.append(np.zeros(-words % 4, np.uint32))  # so that the next texture may be of vectors of four floats
+        end += words + len(parts[-1])
+    return Packed(np.concatenate(parts), starts, floats, images)
+
+
+def _as_floats(level: AnyArray) -> NDArray[np.float32]:
+    """Return a level's texels as float32, linear: what kernels decode bytes to, to the bit."""
+    if level.dtype != np.uint8:
+        return np.ascontiguousarray(level, np.float32)
+    floats = np.empty(level.shape, np.float32)
+    floats[..., :3] = linear_of_bytes()[level[..., :3]]
+    floats[..., 3] = level[..., 3] / np.float32(255)
+    return floats
 
 
 def level_sizes(texture: Texture) -> list[tuple[int, int]]:

@@ -116,6 +116,26 @@ INLINE void fetch_colors(const VECTOR(ulong) *fragments, uint row_count, global 
         fetched[row].blue = UNIT_OF(CONVERT(float, STRIP, word >> (VECTOR(uint))(16) & byte));
         fetched[row].alpha = UNIT_OF(CONVERT(float, STRIP, word >> (VECTOR(uint))(24)));
     }
+#elif LANES == 1 && STRIP % 4 == 0
+    // Four pixels at a time: a transposition of 4 x 4.
+    for (uint row = 0; row < row_count; ++row) {
+        VECTOR(uint) payload = CONVERT(uint, STRIP, fragments[row]);
+        VECTOR(int) present = payload != (VECTOR(uint))((uint)ABSENT);
+        VECTOR(uint) place = FRAGMENT_COLOR || COLOR_RATE_FACE ? payload & PASTE(as_, VECTOR(uint))(present) : (VECTOR(uint))(0);
+        Colors found;
+        UNROLL for (uint k = 0; k < STRIP / 4; ++k) {
+            uint4 at = ((const uint4 *)&place)[k];
+            global const float4 *from = (global const float4 *)colors;
+            float4 a = from[at.x], b = from[at.y], c = from[at.z], d = from[at.w];
+            float4 ab = (float4)(a.x, b.x, a.y, b.y), cd = (float4)(c.x, d.x, c.y, d.y);
+            ((float4 *)&found.red)[k] = (float4)(ab.lo, cd.lo), ((float4 *)&found.green)[k] = (float4)(ab.hi, cd.hi);
+            ab = (float4)(a.z, b.z, a.w, b.w), cd = (float4)(c.z, d.z, c.w, d.w);
+            ((float4 *)&found.blue)[k] = (float4)(ab.lo, cd.lo), ((float4 *)&found.alpha)[k] = (float4)(ab.hi, cd.hi);
+        }
+        const VECTOR(float) zero = (VECTOR(float))(0.0f);
+        fetched[row].red = present ? found.red : zero, fetched[row].green = present ? found.green : zero;
+        fetched[row].blue = present ? found.blue : zero, fetched[row].alpha = present ? found.alpha : zero;
+    }
 #else
 #if LANES == 1
     for (uint k = 0; k < row_count * STRIP; ++k) {

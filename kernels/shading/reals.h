@@ -1,27 +1,13 @@
 // SHADED consecutive pixels of a strip, which are shaded at once for one record. A lane that works alone has vectors, and
 // computes all their elements, covered or not. Several lanes shade pixels one by one. The code is the same: conditions are
-// chosen by `?:`, which takes vectors and numbers alike.
+// chosen by `?:`, which takes vectors and numbers alike. A colour is four floats. So what makes colours of texels or of
+// corners goes pixel by pixel, and over covered ones alone.
 #ifndef REALS_H
 #define REALS_H
 
 #include "base/common.h"
 
-#if LANES == 1
-#define SHADED 8
-typedef float8 Reals;
-typedef int8 Wholes;
-typedef uint8 Words;
-#define TO_WHOLES(value) CONVERT(int, 8, value)
-#define TO_REALS(value) CONVERT(float, 8, value)
-#define AS_WHOLES(value) as_int8(value)
-#define AS_WORDS(value) as_uint8(value)
-#define AS_REALS(value) as_float8(value)
-#define SAMPLES_OF(vector, first) (((const Reals *)&(vector))[(first) / SHADED])
-#define LOWEST_SHADED(bits) LOWEST_BIT(bits)
-#define SHADED_COLUMNS (int8)(0, 1, 2, 3, 0, 1, 2, 3)
-#define SHADED_ROWS (int8)(0, 0, 0, 0, 1, 1, 1, 1)
-#define SHADED_BITS_OF(truth) bits_of8(truth)
-#else
+#if LANES > 1
 #define SHADED 1
 typedef float Reals;
 typedef int Wholes;
@@ -34,11 +20,39 @@ typedef uint Words;
 #define SAMPLES_OF(vector, first) ELEMENT(float, vector, first)
 #define LOWEST_SHADED(bits) 0
 #define SHADED_BITS_OF(truth) ((truth) ? 1u : 0u)
+#define ONE_OF(type, reals, k) (reals)
+#else
+#ifdef __AVX512F__
+#define SHADED 16
+typedef float16 Reals;
+typedef int16 Wholes;
+typedef uint16 Words;
+#else
+#define SHADED 8
+typedef float8 Reals;
+typedef int8 Wholes;
+typedef uint8 Words;
+#endif
+#define TO_WHOLES(value) CONVERT(int, SHADED, value)
+#define TO_REALS(value) CONVERT(float, SHADED, value)
+#define AS_WHOLES(value) PASTE(as_int, SHADED)(value)
+#define AS_WORDS(value) PASTE(as_uint, SHADED)(value)
+#define AS_REALS(value) PASTE(as_float, SHADED)(value)
+#define SAMPLES_OF(vector, first) (((const Reals *)&(vector))[(first) / SHADED])
+#define LOWEST_SHADED(bits) LOWEST_BIT(bits)
+#define SHADED_BITS_OF(truth) PASTE(bits_of, SHADED)(truth)
+#define ONE_OF(type, reals, k) (((const type *)&(reals))[k])
 #endif
 #define SHADED_BITS ((1u << SHADED) - 1)
 
-// Colours, straight, 0 .. 1.
-typedef struct { Reals red, green, blue, alpha; } Shades;
+// Columns and rows of SHADED pixels, relative to the first.
+#if SHADED == 16
+#define SHADED_COLUMNS (int16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3)
+#define SHADED_ROWS (int16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3)
+#elif SHADED == 8
+#define SHADED_COLUMNS (int8)(0, 1, 2, 3, 0, 1, 2, 3)
+#define SHADED_ROWS (int8)(0, 0, 0, 0, 1, 1, 1, 1)
+#endif
 
 INLINE Reals square_root(Reals value)
 {
@@ -56,8 +70,10 @@ INLINE Words words_of(global const uint *from, Words at)
 {
 #if SHADED == 1
     return from[at];
-#elif AVX2_GATHER
-    return as_uint8(__builtin_ia32_gatherd_d256((int8)(0), (const int *)(size_t)from, as_int8(at), (int8)(-1), sizeof(uint)));
+#elif SHADED == 16 && __has_builtin(__builtin_ia32_gathersiv16si)
+    return as_uint16(__builtin_ia32_gathersiv16si((int16)(0), (const void *)(size_t)from, as_int16(at), (ushort)0xFFFF, 4));
+#elif SHADED == 8 && AVX2_GATHER
+    return as_uint8(__builtin_ia32_gatherd_d256((int8)(0), (const int *)(size_t)from, as_int8(at), (int8)(-1), 4));
 #else
     Words found;
     UNROLL for (int k = 0; k < SHADED; ++k) ((uint *)&found)[k] = from[((const uint *)&at)[k]];
@@ -72,18 +88,51 @@ INLINE Wholes floor_of(Reals value)
 }
 
 // --- sRGB -----------------------------------------------------------------------------------------------------------
-// Linear light 0 .. 1 as sRGB (IEC 61966-2-1). The power 5/12 is the cube root of x times its fourth root. The cube root
-// begins with a third of the exponent, off by 4 % at most, and Halley's step then triples the digits twice.
-INLINE Reals to_srgb(Reals value)
+// textures: begins with tables (clpeel/stages/shading.py): 256 floats, the linear light of each byte of sRGB; then 16
+// floats, 2^(5/12 e) for e = -15 .. 0.
+#define SRGB_SCALES 256
+#define TEXTURE_TABLES 272
+
+// The scale of each exponent, by its place in the table.
+INLINE Reals srgb_scales(global const uint *textures, Words place)
+{
+#if SHADED == 16 && __has_builtin(__builtin_ia32_permvarsf512)
+    return __builtin_ia32_permvarsf512(*(global const float16 *)(textures + SRGB_SCALES), as_int16(place));
+#else
+    return AS_REALS(words_of(textures + SRGB_SCALES, place));
+#endif
+}
+
+// Linear light 0 .. 1 as sRGB (IEC 61966-2-1). The power 5/12 is that of the exponent, from the table, times that of the
+// mantissa, a polynomial to 3e-8.
+INLINE Reals to_srgb(global const uint *textures, Reals value)
 {
     Reals x = value > (Reals)(0.0031308f) ? value : (Reals)(0.0031308f);
-    Reals p = x * square_root(square_root(x));
-    Reals root = AS_REALS(TO_WHOLES(TO_REALS(AS_WHOLES(p)) * 0x1.555556p-2f) + (Wholes)(0x2A514067));
-    UNROLL for (int k = 0; k < 2; ++k) {
-        Reals cube = root * root * root;
-        root = root * ((cube + 2.0f * p) / (2.0f * cube + p));
+    Words bits = AS_WORDS(x);
+    Reals scale = srgb_scales(textures, (bits >> (Words)(23u)) & (Words)(15u));
+    Reals f = AS_REALS((bits & (Words)(0x7FFFFFu)) | (Words)(0x3F800000u)) - 1.5f;
+    Reals sum = 0.0015331956f * f - 0.0027445413f;
+    sum = sum * f + 0.0045665833f;
+    sum = sum * f - 0.0096255392f;
+    sum = sum * f + 0.0225073248f;
+    sum = sum * f - 0.0639567152f;
+    sum = sum * f + 0.3289036453f;
+    sum = sum * f + 1.1840536594f;
+    return value > (Reals)(0.0031308f) ? 1.055f * (scale * sum) - 0.055f : 12.92f * value;
+}
+
+// The same of the red, green and blue of SHADED colours. Their alphas stay.
+INLINE void all_to_srgb(global const uint *textures, float4 colors[SHADED])
+{
+#if SHADED == 1
+    colors->x = to_srgb(textures, colors->x), colors->y = to_srgb(textures, colors->y), colors->z = to_srgb(textures, colors->z);
+#else
+    const Wholes channel = SHADED_COLUMNS;
+    UNROLL for (int k = 0; k < 4; ++k) {
+        Reals some = ((const Reals *)colors)[k];
+        ((Reals *)colors)[k] = channel == (Wholes)(3) ? some : to_srgb(textures, some);
     }
-    return value > (Reals)(0.0031308f) ? 1.055f * root - 0.055f : 12.92f * value;
+#endif
 }
 
 #endif

@@ -1,8 +1,8 @@
 // Textures: what their texels are at SHADED pixels, in linear light (OpenGL 4.6, section 8.14; glTF 2.0, section 3.8.4).
 //
-//   textures   256 floats: the linear light of each byte of sRGB. Then each texture: 16 words, where its levels begin
-//              behind these 16, counted in texels; then the texels of its levels, row by row from the top. A texel is 4
-//              bytes, of which red, green and blue are sRGB, or 4 floats, which are linear (FLOAT_TEXELS).
+//   textures   tables (shading/reals.h), then each texture: 16 words, where its levels begin behind these 16, counted in
+//              texels; then the texels of its levels, row by row from the top. A texel is 4 floats, which are linear
+//              (FLOAT_TEXELS). Of large textures it is 4 bytes, of which red, green and blue are sRGB.
 //   level      number k of the mip map: the image halved k times
 #ifndef TEXTURES_H
 #define TEXTURES_H
@@ -11,7 +11,7 @@
 
 #define LEVEL_STARTS 16
 
-// What is sampled. u, v: coordinates; u_x, v_x: by how much they grow from pixel to pixel to the right; u_y, v_y: down.
+// Where it is sampled. u, v: coordinates; u_x, v_x: by how much they grow from pixel to pixel to the right; u_y, v_y: down.
 typedef struct { Reals u, v, u_x, v_x, u_y, v_y; } Spot;
 
 // --- one level ------------------------------------------------------------------------------------------------------
@@ -36,88 +36,69 @@ INLINE Wholes at_edge(Wholes place, Wholes side, uint flags, uint mirror, uint c
     return place >= side ? (repeat ? place - side : side - (Wholes)(1)) : place;
 }
 
-// Texels at these places of a texture. colors: whether red, green and blue are wanted, besides alpha.
-INLINE void texels_at(global const uint *textures, global const uint *texels, uint flags, Words at, bool colors, Shades *found)
-{
-    if (flags & FLOAT_TEXELS) {
-        at *= (Words)(4u);
-        if (colors) {
-            found->red = AS_REALS(words_of(texels, at));
-            found->green = AS_REALS(words_of(texels + 1, at));
-            found->blue = AS_REALS(words_of(texels + 2, at));
-        }
-        found->alpha = AS_REALS(words_of(texels + 3, at));
-        return;
-    }
-    Words word = words_of(texels, at);
-    if (colors) {
-        found->red = AS_REALS(words_of(textures, word & (Words)(0xFFu)));
-        found->green = AS_REALS(words_of(textures, word >> (Words)(8u) & (Words)(0xFFu)));
-        found->blue = AS_REALS(words_of(textures, word >> (Words)(16u) & (Words)(0xFFu)));
-    }
-    found->alpha = UNIT_OF(TO_REALS(AS_WHOLES(word >> (Words)(24u))));
-}
+// Where SHADED pixels sample a level: the places of four texels, and how far the pixel is from the first to the second,
+// and from those two to the other two.
+typedef struct { Words place[4]; Reals right, down; } Taps;
 
-// a + t (b - a), which is a where both are equal.
-INLINE void between(Shades *a, const Shades *b, Reals t, bool colors)
+// The four texels around (u, v) of each pixel's level, by distance. Where `linear` is 0, all four are the nearest one, so
+// that it is what their mean is.
+INLINE void taps_of(global const Material *m, global const uint *starts, Reals u, Reals v, Wholes level, Wholes linear,
+                    Taps *taps)
 {
-    if (colors) {
-        a->red += t * (b->red - a->red);
-        a->green += t * (b->green - a->green);
-        a->blue += t * (b->blue - a->blue);
-    }
-    a->alpha += t * (b->alpha - a->alpha);
-}
-
-// The texel nearest to (u, v) of each pixel's level, or the mean of the four around it by distance (`linear`).
-INLINE void sample_level(global const uint *textures, global const Material *m, Reals u, Reals v, Wholes level, bool linear,
-                         bool colors, Shades *found)
-{
-    global const uint *starts = textures + m->texture, *texels = starts + LEVEL_STARTS;
     uint flags = m->flags;
     Wholes width = (Wholes)(m->width) >> level, height = (Wholes)(m->height) >> level;
     width = MAX(width, (Wholes)(1)), height = MAX(height, (Wholes)(1));
     Words start = words_of(starts, AS_WORDS(level));
-    Reals x = u * TO_REALS(width), y = v * TO_REALS(height);
-    if (linear) x -= 0.5f, y -= 0.5f;
-    Wholes left = floor_of(x), top = floor_of(y);
-    Reals right_share = x - TO_REALS(left), lower_share = y - TO_REALS(top);
-    Wholes column = at_edge(left, width, flags, MIRROR_U, CLAMP_U), row = at_edge(top, height, flags, MIRROR_V, CLAMP_V);
-    Words upper = start + AS_WORDS(row * width);
-    texels_at(textures, texels, flags, upper + AS_WORDS(column), colors, found);
-    if (!linear) return;
-    Wholes next_column = at_edge(left + (Wholes)(1), width, flags, MIRROR_U, CLAMP_U);
-    Wholes next_row = at_edge(top + (Wholes)(1), height, flags, MIRROR_V, CLAMP_V);
-    Words lower = start + AS_WORDS(next_row * width);
-    Shades other, below, beside;
-    texels_at(textures, texels, flags, upper + AS_WORDS(next_column), colors, &other);
-    between(found, &other, right_share, colors);
-    texels_at(textures, texels, flags, lower + AS_WORDS(column), colors, &below);
-    texels_at(textures, texels, flags, lower + AS_WORDS(next_column), colors, &beside);
-    between(&below, &beside, right_share, colors);
-    between(found, &below, lower_share, colors);
+    const Reals zero = (Reals)(0.0f), half_texel = linear ? (Reals)(0.5f) : zero;
+    Reals x = u * TO_REALS(width) - half_texel, y = v * TO_REALS(height) - half_texel;
+    Wholes left = floor_of(x), top = floor_of(y), one = linear ? (Wholes)(1) : (Wholes)(0);
+    taps->right = linear ? x - TO_REALS(left) : zero, taps->down = linear ? y - TO_REALS(top) : zero;
+    Words column = AS_WORDS(at_edge(left, width, flags, MIRROR_U, CLAMP_U));
+    Words next_column = AS_WORDS(at_edge(left + one, width, flags, MIRROR_U, CLAMP_U));
+    Words upper = start + AS_WORDS(at_edge(top, height, flags, MIRROR_V, CLAMP_V) * width);
+    Words lower = start + AS_WORDS(at_edge(top + one, height, flags, MIRROR_V, CLAMP_V) * width);
+    taps->place[0] = upper + column, taps->place[1] = upper + next_column;
+    taps->place[2] = lower + column, taps->place[3] = lower + next_column;
 }
 
-INLINE void choose_shades(Wholes which, const Shades *there, Shades *chosen, bool colors)
+// One texel, linear.
+INLINE float4 texel_at(global const uint *textures, global const uint *texels, bool floats, uint place)
 {
-    if (colors) {
-        chosen->red = which ? there->red : chosen->red;
-        chosen->green = which ? there->green : chosen->green;
-        chosen->blue = which ? there->blue : chosen->blue;
+    if (floats) return ((global const float4 *)texels)[place];
+    uint word = texels[place];
+    global const float *linear = (global const float *)textures;
+    return (float4)(linear[word & 0xFF], linear[word >> 8 & 0xFF], linear[word >> 16 & 0xFF], UNIT_OF((float)(word >> 24)));
+}
+
+// The mean of pixel k's four texels. a + t (b - a) is a where both are equal.
+INLINE float4 mean_of_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, int k)
+{
+    float right = ONE_OF(float, taps->right, k), down = ONE_OF(float, taps->down, k);
+    float4 a = texel_at(textures, texels, floats, ONE_OF(uint, taps->place[0], k));
+    float4 b = texel_at(textures, texels, floats, ONE_OF(uint, taps->place[1], k));
+    float4 c = texel_at(textures, texels, floats, ONE_OF(uint, taps->place[2], k));
+    float4 d = texel_at(textures, texels, floats, ONE_OF(uint, taps->place[3], k));
+    a += right * (b - a), c += right * (d - c);
+    return a + down * (c - a);
+}
+
+// Each of these pixels by its taps of one level; or of two levels, `rest` of the way to the coarser one.
+INLINE void mix_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, uint bits,
+                     float4 found[SHADED])
+{
+    for (; bits; bits &= bits - 1) {
+        int k = LOWEST_SHADED(bits);
+        found[k] = mean_of_taps(textures, texels, floats, taps, k);
     }
-    chosen->alpha = which ? there->alpha : chosen->alpha;
 }
-
-// A level by the filter within levels: that for larger texels than pixels where `magnified`, else that for smaller ones.
-INLINE void filter_level(global const uint *textures, global const Material *m, Reals u, Reals v, Wholes level,
-                         Wholes magnified, bool colors, Shades *found)
+INLINE void mix_levels(global const uint *textures, global const uint *texels, bool floats, const Taps *taps,
+                       const Taps *coarser, Reals rest, uint bits, float4 found[SHADED])
 {
-    bool magnify = m->flags & MAGNIFY_LINEAR, minify = m->flags & MINIFY_LINEAR;
-    sample_level(textures, m, u, v, level, minify, colors, found);
-    if (magnify == minify) return;
-    Shades other;
-    sample_level(textures, m, u, v, level, magnify, colors, &other);
-    choose_shades(magnified, &other, found, colors);
+    for (; bits; bits &= bits - 1) {
+        int k = LOWEST_SHADED(bits);
+        float4 fine = mean_of_taps(textures, texels, floats, taps, k);
+        found[k] = fine + ONE_OF(float, rest, k) * (mean_of_taps(textures, texels, floats, coarser, k) - fine);
+    }
 }
 
 // --- levels ---------------------------------------------------------------------------------------------------------
@@ -135,31 +116,46 @@ INLINE Reals log2_of(Reals value)
     return exponent + sum * f;
 }
 
-// The image at a spot, by level of detail: level 0 where `detail` is 0 or less.
-INLINE void sample_detail(global const uint *textures, global const Material *m, Reals u, Reals v, Reals detail, bool colors,
-                          Shades *found)
+// The image at a spot, by level of detail: level 0 where `detail` is 0 or less. bits: the pixels that are wanted.
+INLINE void sample_detail(global const uint *textures, global const Material *m, Reals u, Reals v, Reals detail, uint bits,
+                          float4 found[SHADED])
 {
     const Reals zero = (Reals)(0.0f);
+    global const uint *starts = textures + m->texture, *texels = starts + LEVEL_STARTS;
+    bool floats = m->flags & FLOAT_TEXELS;
     u = wrapped(u, m->flags, MIRROR_U, CLAMP_U), v = wrapped(v, m->flags, MIRROR_V, CLAMP_V);
-    Wholes magnified = detail > zero ? (Wholes)(0) : (Wholes)(-1);
+    Wholes magnify = m->flags & MAGNIFY_LINEAR ? (Wholes)(-1) : (Wholes)(0);
+    Wholes minify = m->flags & MINIFY_LINEAR ? (Wholes)(-1) : (Wholes)(0);
+    Wholes linear = detail > zero ? minify : magnify, level = (Wholes)(0);
+    Taps taps;
+#if LEVELS
     Reals last = (Reals)((float)m->last_level);
     detail = detail > zero ? detail : zero, detail = detail < last ? detail : last;
-    Wholes level = TO_WHOLES(detail);
+    level = TO_WHOLES(detail);
     Reals rest = detail - TO_REALS(level);
     if (!(m->flags & BETWEEN_LEVELS)) {  // the nearest level: of two equally near ones the finer
         level += rest > (Reals)(0.5f) ? (Wholes)(1) : (Wholes)(0);
         rest = zero;
     }
-    filter_level(textures, m, u, v, level, magnified, colors, found);
-    if (!SHADED_BITS_OF(rest > zero)) return;
-    Wholes next = level + (Wholes)(1);
-    Shades coarser;
-    filter_level(textures, m, u, v, MIN(next, (Wholes)(m->last_level)), magnified, colors, &coarser);
-    between(found, &coarser, rest, colors);
+    uint both = SHADED_BITS_OF(rest > zero) & bits;
+#endif
+    taps_of(m, starts, u, v, level, linear, &taps);
+#if LEVELS
+    if (both) {
+        Taps coarser;
+        taps_of(m, starts, u, v, MIN(level + (Wholes)(1), (Wholes)(m->last_level)), linear, &coarser);
+        if (floats) mix_levels(textures, texels, true, &taps, &coarser, rest, bits, found);
+        else mix_levels(textures, texels, false, &taps, &coarser, rest, bits, found);
+        return;
+    }
+#endif
+    if (floats) mix_taps(textures, texels, true, &taps, bits, found);
+    else mix_taps(textures, texels, false, &taps, bits, found);
 }
 
-// The texture of a material at a spot. PROBES: the most probes along a pixel's longer side (EXT_texture_filter_anisotropic).
-INLINE void sample_texture(global const uint *textures, global const Material *m, const Spot *spot, bool colors, Shades *found)
+// The texture of a material at a spot, for these pixels. PROBES: the most probes along a pixel's longer side
+// (EXT_texture_filter_anisotropic).
+INLINE void sample_texture(global const uint *textures, global const Material *m, const Spot *spot, uint bits, float4 found[SHADED])
 {
 #if LEVELS
     float width = m->width, height = m->height;
@@ -168,38 +164,32 @@ INLINE void sample_texture(global const uint *textures, global const Material *m
     Reals y2 = across * across + down * down, longest2 = MAX(x2, y2);
 #if PROBES > 1
     Reals shortest2 = MIN(x2, y2), ratio2 = longest2 / shortest2;
-    // The number of probes is the ratio, rounded up: compared by its square, which needs no root.
+    // The number of probes is the ratio, rounded up. Its square is compared, as that needs no root.
     Wholes probes = (Wholes)(1);
     for (int n = 1; n < PROBES; ++n) probes += ratio2 > (Reals)((float)(n * n)) ? (Wholes)(1) : (Wholes)(0);
     Reals count = TO_REALS(probes), detail = 0.5f * log2_of(longest2 / (count * count));
     Wholes x_longer = x2 > y2 ? (Wholes)(-1) : (Wholes)(0);
     Reals along_u = x_longer ? spot->u_x : spot->u_y, along_v = x_longer ? spot->v_x : spot->v_y;
-    Shades sum;
-    if (colors) sum.red = sum.green = sum.blue = (Reals)(0.0f);
-    sum.alpha = (Reals)(0.0f);
+    float4 probe[SHADED];
     for (int n = 0; n < PROBES; ++n) {
-        Wholes wanted = probes > (Wholes)(n) ? (Wholes)(-1) : (Wholes)(0);
-        if (!SHADED_BITS_OF(wanted)) break;
+        uint wanted = SHADED_BITS_OF(probes > (Wholes)(n)) & bits;
+        if (!wanted) break;
         Reals step = ((float)n + 0.5f) / count - 0.5f;
-        Shades probe;
-        sample_detail(textures, m, spot->u + step * along_u, spot->v + step * along_v, detail, colors, &probe);
-        if (n == 0) *found = probe;
-        if (colors) {
-            sum.red += wanted ? probe.red : (Reals)(0.0f);
-            sum.green += wanted ? probe.green : (Reals)(0.0f);
-            sum.blue += wanted ? probe.blue : (Reals)(0.0f);
+        sample_detail(textures, m, spot->u + step * along_u, spot->v + step * along_v, detail, wanted, n ? probe : found);
+        for (uint left = n ? wanted : 0; left; left &= left - 1) {
+            int k = LOWEST_SHADED(left);
+            found[k] += probe[k];
         }
-        sum.alpha += wanted ? probe.alpha : (Reals)(0.0f);
     }
-    // Where there is one probe, it is not divided, and where all alphas are 1, their mean is.
-    if (colors) sum.red /= count, sum.green /= count, sum.blue /= count;
-    sum.alpha /= count;
-    choose_shades(probes > (Wholes)(1) ? (Wholes)(-1) : (Wholes)(0), &sum, found, colors);
+    for (uint left = SHADED_BITS_OF(probes > (Wholes)(1)) & bits; left; left &= left - 1) {
+        int k = LOWEST_SHADED(left);
+        found[k] /= ONE_OF(float, count, k);
+    }
 #else
-    sample_detail(textures, m, spot->u, spot->v, 0.5f * log2_of(longest2), colors, found);
+    sample_detail(textures, m, spot->u, spot->v, 0.5f * log2_of(longest2), bits, found);
 #endif
 #else
-    sample_detail(textures, m, spot->u, spot->v, (Reals)(0.0f), colors, found);
+    sample_detail(textures, m, spot->u, spot->v, (Reals)(0.0f), bits, found);
 #endif
 }
 

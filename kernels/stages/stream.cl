@@ -72,14 +72,14 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
         if (!some) continue;
         Reals at_samples[3];
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
-        Shades shades;
-        Reals alpha;
-        shade(t, at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades, &alpha);
-        for (; some; some &= some - 1, ++next) {
+        Face face;
+        face_of(t, batch->pairs[place], shading, &face);
+        float4 colors_there[SHADED];
+        for (some = shade(&face, at_samples, shading, VIEW(batch), some, colors_there); some; some &= some - 1, ++next) {
             int k = LOWEST_SHADED(some);
             fragments[next] = (ulong)ELEMENT(uint, key, first + k) << 32 | PAYLOAD(next, t);
             pixels[next] = run_pixel + first + k;
-            colors[next] = shade_of(&shades, k);
+            colors[next] = colors_there[k];
         }
     }
 #else

@@ -31,8 +31,10 @@
 #endif
 #if FACING
 #define PAYLOAD(number, t) ((uint)(number) << 1 | ((t)->flags & BACK_FACING) / BACK_FACING)
+#define PAYLOADS_OF(numbers, t) ((numbers) << (VECTOR(uint))(1) | (VECTOR(uint))(((t)->flags & BACK_FACING) / BACK_FACING))
 #else
 #define PAYLOAD(number, t) (number)
+#define PAYLOADS_OF(numbers, t) (numbers)
 #endif
 
 // --- strips and lanes -----------------------------------------------------------------------------------------------
@@ -328,12 +330,13 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
             int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, batch->screen.height);
             Reals weight[3];
             weights_at(t, x, y, weight);
-            Shades shades;
-            Reals alpha;
-            shade(t, weight, batch->pairs[at], t->source, shading, VIEW(batch), &shades, &alpha);
+            Face face;
+            face_of(t, batch->pairs[at], shading, &face);
+            float4 colors_there[SHADED];
+            shade(&face, weight, shading, VIEW(batch), same, colors_there);
             for (left &= ~same; same; same &= same - 1) {
                 int k = LOWEST_SHADED(same), own = first + k;
-                float4 color = shade_of(&shades, k);
+                float4 color = colors_there[k];
                 SET_ELEMENT(float, colors->red, own, color.x), SET_ELEMENT(float, colors->green, own, color.y);
                 SET_ELEMENT(float, colors->blue, own, color.z), SET_ELEMENT(float, colors->alpha, own, color.w);
             }
@@ -364,6 +367,10 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
 {
     ENTER_TILE
     list_begin = begin;
+#if FRAGMENT_COLOR
+    Face face;
+    uint prepared = ~0u;  // the place of the record whose face it is
+#endif
     VISITS(blocks)
     VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
 #if MIXED
@@ -372,33 +379,29 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     VECTOR(uint) *places = next + OWN(block);
     uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
 #if FRAGMENT_COLOR
-    uint all = BITS_OF(covered);
-#if ROUTED
-    global const Material *m = material_at(shading, t->source);
-    bool routes = m && m->flags & ROUTED_BY_TEXELS;
-#endif
+    uint all = BITS_OF(covered), there = 0;
+    if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
     for (int first = 0; first < STRIP; first += SHADED) {
         uint bits = all >> first & SHADED_BITS;
         if (!bits) continue;
         Reals at_samples[3];
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
-        Shades shades;
-        Reals alpha;
-        shade(t, at_samples, batch->pairs[place], t->source, shading, VIEW(batch), &shades, &alpha);
-#if ROUTED
-        if (routes) bits &= SHADED_BITS_OF(alpha > (Reals)(0.0f));
-#endif
+        float4 colors_there[SHADED];
+        bits = shade(&face, at_samples, shading, VIEW(batch), bits, colors_there);
+        there |= bits << first;
         for (; bits; bits &= bits - 1) {
             int k = first + LOWEST_SHADED(bits);
             uint to = ELEMENT(uint, *places, k);
-            SET_ELEMENT(uint, *places, k, to + layout->step);
             if (to >= layout->room) continue;
-            to += strip_start;
-            colors[to] = shade_of(&shades, k - first);
-            fragments[to] = ELEMENT(ulong, value, k) | PAYLOAD(to, t);
-            if (sources) sources[to] = t->source;
+            colors[to + strip_start] = colors_there[k - first];
+            if (sources) sources[to + strip_start] = t->source;
         }
     }
+    if (ROUTED) covered = MASK_OF(there);
+    VECTOR(uint) to = *places, own = to + (VECTOR(uint))(strip_start);
+    value |= CONVERT(ulong, STRIP, PAYLOADS_OF(own, t));
+    *places += PASTE(as_, VECTOR(uint))(covered) & layout->step;
+    scatter(fragments + strip_start, to, covered & (to < (VECTOR(uint))(layout->room)), value);
 #else
     VECTOR(uint) to = *places;
     *places += PASTE(as_, VECTOR(uint))(covered) & layout->step;
