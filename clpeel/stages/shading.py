@@ -17,8 +17,8 @@ from clpeel.scene.scene import Scene
 from clpeel.scene.textures import Texture, linear_of_bytes, srgb
 
 MOST_FLOAT_BYTES = 1 << 28
-"""Texels are stored as four floats if all of them take no more bytes than this. Kernels need not decode them then, which
-takes a third of their time. The picture has the same bits."""
+"""Texels are stored as four floats if all of them take no more bytes than this: then kernels need not decode them. The
+picture has the same bits either way."""
 
 LEVEL_STARTS = 16
 """Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
