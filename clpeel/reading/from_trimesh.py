@@ -165,7 +165,9 @@ class _Materials:
             return None
         if id(image) not in self._textures:
             try:
-                self._textures[id(image)] = image, Texture.of(np.asarray(image.convert("RGBA")))
+                deep = image.mode.startswith("I")  # 16 bits of grey, which Pillow would cut off at 8
+                pixels = np.asarray(image).astype(np.uint16) if deep else np.asarray(image.convert("RGBA"))
+                self._textures[id(image)] = image, Texture.of(pixels)
             except (OSError, ValueError) as error:
                 self._textures[id(image)] = image, f"texture left out: {one_line(error)}"
         texture = self._textures[id(image)][1]

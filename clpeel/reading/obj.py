@@ -148,7 +148,7 @@ class _Surface:
         places = {name: place for place, name in enumerate(dict.fromkeys(names))}
         numbers = np.array([*(places[name] for name in names), -1], np.int64)[use]  # -1, for none, is the last
         used = [name for name, place in places.items() if (numbers == place).any()]
-        unknown = [named(name) for name in used if name not in library.statements]
+        unknown = [named(name) for name in used if name and name not in library.statements]
         if unknown and (any(there) or not there):
             where = "the material files lack them" if there else "the file names no material file"
             notes.append(f"materials left out: {listed(unknown)}; {where}")

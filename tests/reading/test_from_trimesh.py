@@ -74,6 +74,14 @@ def test_pictures_of_every_kind_are_textures(kind: str) -> None:
     assert texture is not None and texture.size == (3, 2) and (texture.image == 255).all()
 
 
+@pytest.mark.parametrize("mode", ["I;16", "I"])
+def test_greys_of_16_bits_stay_so(mode: str) -> None:
+    picture = image.fromarray(np.full((2, 3), 13107, np.uint16)).convert(mode)
+    texture = only(mesh(PBR(baseColorTexture=picture))).texture
+    assert texture is not None and texture.image.dtype == np.float32
+    np.testing.assert_allclose(texture.image[0, 0], [*[light(0.2)] * 3, 1], atol=1e-6)
+
+
 def test_a_picture_is_one_texture_however_often_it_is_used() -> None:
     picture = image.fromarray(PIXELS)
     one, other = PBR(baseColorTexture=picture), PBR(baseColorTexture=picture, baseColorFactor=[1, 2, 3, 255])

@@ -39,7 +39,7 @@ def test_faces_stay_in_the_order_of_the_file_whatever_their_materials(tmp_path: 
     assert scene.faces.tolist() == [[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 0], [4, 0, 1]]
     assert scene.face_materials is not None
     assert [material.name for material in scene.materials] == ["b", "a"]
-    assert scene.face_materials.tolist() == [-1, 0, 1, 0, -1] and len(scene.vertices) == 5
+    assert scene.face_materials.tolist() == [-1, 0, 1, 0, -1] and len(scene.vertices) == 5 and scene.notes == ()
 
 
 def test_polygons_of_all_sizes_are_fans_in_their_places(tmp_path: Path) -> None:

@@ -361,7 +361,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 
 def test_textures_too_large_are_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     red(tmp_path / "wood.png")
-    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 1)
+    monkeypatch.setattr("clpeel.reading.images.MOST_TEXELS", 1)
     (note,) = read(tmp_path, "map_Kd wood.png").notes
     assert note.startswith("texture 'wood.png' left out: too large")
 
