@@ -8,7 +8,7 @@ from typing import Literal
 
 from clpeel.command import values
 from clpeel.options import Option, options_of
-from clpeel.rendering.options import PictureOptions
+from clpeel.rendering.options import COMMAND_BACKGROUND, PictureOptions
 from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
@@ -108,6 +108,7 @@ def _add_view_options(
 def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str = "in pixels") -> None:
     """Add the options of the picture's size and of the scene's colours."""
     add = group.add_argument
+    shown = "#" + "".join(f"{round(level * 255):02x}" for level in COMMAND_BACKGROUND)
     add(
         "--resolution",
         type=values.resolution,
@@ -118,9 +119,9 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
     add(
         "--background-color",
         type=values.color,
-        default=(1.0, 1.0, 1.0),
+        default=COMMAND_BACKGROUND,
         metavar="COLOR",
-        help="R,G,B in 0..1, #rrggbb or a name (default: white)",
+        help=f"R,G,B in 0..1, #rrggbb or a name (default: {shown}, a light grey)",
     )
     text = "{} of every surface, in place of the file's; once for all files, or once for each, in order"
     add("--opacity", action="append", type=values.opacity, metavar="0..1", help=text.format("opacity"))

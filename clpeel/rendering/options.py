@@ -21,6 +21,11 @@ Backfaces = Literal["default", "visible", "hidden"]
 SAMPLES_A_SIDE = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
 """Samples of a pixel, and samples on its side. The side divides that of a tile, so a pixel's samples share a tile."""
 
+COMMAND_BACKGROUND: Rgb = (200 / 255, 204 / 255, 210 / 255)
+"""What the command puts behind a scene: a light grey, before which white things show and black ones, and those that let
+light through. In Python it is white, as in the papers.
+"""
+
 
 def _checked_size(name: str, value: object) -> object:
     return checked_size(cast(Sequence[int], value))

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 from clpeel.checks import checked_background
 from clpeel.options import Option, options_of
+from clpeel.rendering.options import COMMAND_BACKGROUND
 from clpeel.rendering.request import all_options
 from clpeel.techniques import options_class
 from clpeel.viewer.view import LAYER_COUNT, View
-
-WHITE = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ def _flags(view: View, technique: str) -> Iterator[str]:
     over = checked_background(view.background)
     if over is None:
         yield "--no-background"
-    elif over != WHITE:
+    elif over != COMMAND_BACKGROUND:
         yield f"--background-color={_numbers(over)}"
     if view.lighting == "none":
         yield "--unlit"

@@ -29,7 +29,7 @@ from clpeel.command.inputs import make_camera
 from clpeel.command.terminal import Progress
 from clpeel.errors import InputError, NoDeviceError
 from clpeel.options import options_of
-from clpeel.rendering.options import PictureOptions
+from clpeel.rendering.options import COMMAND_BACKGROUND, PictureOptions
 from clpeel.techniques import TECHNIQUES
 
 PYTHON = (sys.executable, "-P")  # -P: not the sources in the working folder, but the package that is installed
@@ -415,7 +415,7 @@ def test_render_is_asked_for_what_the_options_say(mesh: Path, fake: Any, tmp_pat
         (1024, 1024),
         "sort",
         "headlight",
-        (1, 1, 1),
+        COMMAND_BACKGROUND,
     )
     assert (plain.device, plain.lanes) == (None, None)
     assert not vars(plain).keys() & {"memory", "opaque"}  # what is not given keeps its default
@@ -785,6 +785,28 @@ def test_a_picture_by_passes_is_the_one_by_tiles(tmp_path: Path, squares: Path, 
     assert cli.main(["render", str(squares), "-o", str(tmp_path / "no.png"), "--execution", "passes"]) == 2
     assert "execution: expected 'tiles' for the technique 'sort', got 'passes'" in capfd.readouterr().err
     assert not (tmp_path / "no.png").exists()
+
+
+@pytest.mark.parametrize("color", ["white", "black"])
+@pytest.mark.parametrize("more", [[], ["--opacity=0.4"], ["--opacity=0.4", "--unlit"]])
+def test_white_things_and_black_ones_show_before_the_default(
+    tmp_path: Path, capfd: Any, color: str, more: list[str]
+) -> None:
+    """A square that faces the camera differs from what is behind it by 17 steps of 255 or more in each channel."""
+    (tmp_path / "t.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
+    output = str(tmp_path / "out.png")
+    call = ["render", str(tmp_path / "t.off"), "-o", output, "--resolution=20,20", f"--color={color}", *more]
+    assert cli.main(call) == 0
+    seen = pixels(output).astype(int)[..., :3]
+    assert seen[0, 0].tolist() == [200, 204, 210] and (np.abs(seen[10, 10] - seen[0, 0]) >= 17).all()
+    assert "is blank:" not in capfd.readouterr().err
+
+
+def test_a_picture_that_is_blank_before_the_default_is_noted(tmp_path: Path, capfd: Any, mesh: Path) -> None:
+    call = ["render", str(mesh), "-o", str(tmp_path / "out.png"), "--resolution=20,20", "--unlit"]
+    assert cli.main([*call, "--color=#c8ccd2"]) == 0
+    assert "note: the picture is blank: its surfaces have the background's colour" in capfd.readouterr().err
+    assert cli.main([*call, "--color=white"]) == 0 and "is blank:" not in capfd.readouterr().err
 
 
 def test_all_options_of_pictures_have_a_flag() -> None:

@@ -22,6 +22,7 @@ from clpeel.errors import InputError
 from clpeel.pictures.colormap import colors_at
 from clpeel.pictures.scale_bar import ticks
 from clpeel.rendering.costs import ALL_OPAQUE_COST, COSTS, Cost
+from clpeel.rendering.options import COMMAND_BACKGROUND
 from clpeel.study.complexity import Complexity, Need
 from clpeel.techniques import TECHNIQUES
 
@@ -325,7 +326,7 @@ def test_the_command(ring: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     camera = clpeel.Camera.frame(scene, (-1, -1, -2), aspect=200 / 150)
     want = clpeel.complexity(scene, camera, (200, 150))
     assert told["histogram"] == want.histogram.tolist() and told["layers_max"] == want.max == 4
-    assert (np.asarray(Image.open(out)) == want.image()[..., :3]).all()
+    assert (np.asarray(Image.open(out)) == want.image(COMMAND_BACKGROUND)[..., :3]).all()
     assert [row["technique"] for row in told["techniques"]] == list(TECHNIQUES)
 
 

@@ -12,6 +12,7 @@ from PIL import Image
 
 import clpeel
 from clpeel.command import main as cli
+from clpeel.rendering.options import COMMAND_BACKGROUND
 from clpeel.viewer.command_line import Source, command_line
 from clpeel.viewer.view import View
 
@@ -29,6 +30,7 @@ def shape(tmp_path: Path) -> Path:
 VIEWS: list[dict[str, Any]] = [
     {},
     {"background": None},
+    {"background": COMMAND_BACKGROUND},
     {"background": (0.1, 0.2, 1 / 3), "lighting": "none"},
     {"opacity": 0.35},
     {"technique": "multi-layer-peeling", "options": {"layers_per_pass": 4, "passes": 1, "precision": "half"}},
