@@ -129,7 +129,7 @@ class _Map:
                 given.setdefault(option.lower(), []).append(word)
                 text = rest
         scale, offset = (
-            [*(float(word) for word in given.get(option, [])), default, default][:2]
+            [*(_number(word) or 0.0 for word in given.get(option, [])), default, default][:2]
             for option, default in (("-s", 1.0), ("-o", 0.0))
         )
         clamped = given.get("-clamp", ["off"])[0].lower() == "on"

@@ -130,6 +130,7 @@ def test_kd_multiplies_the_texture_unless_it_is_black_or_missing(tmp_path: Path,
         ("-o 0.5 0.25 0", [[0.5, 0.75], [0.75, 0.75], [0.5, 0.25]]),
         ("-s 2 4 -o 0.5 0.25", [[0.5, 0.75], [1, 0.75], [0.5, -1.25]]),
         ("-o 0.5", [[0.5, 1], [0.75, 1], [0.5, 0.5]]),
+        ("-o 0.5#2", [[0.5, 1], [0.75, 1], [0.5, 0.5]]),
     ],
 )
 def test_v_points_up_in_files_and_options_shift_and_scale(tmp_path: Path, options: str, uv: Any) -> None:
