@@ -13,7 +13,7 @@ from clpeel.reading import gltf_nodes
 from clpeel.reading.companions import Companions
 from clpeel.reading.gltf_accessors import Accessors
 from clpeel.reading.gltf_animations import Moment, moved
-from clpeel.reading.gltf_document import Document
+from clpeel.reading.gltf_document import Document, objects
 from clpeel.reading.gltf_materials import Look, Materials
 from clpeel.reading.gltf_pose import Poses, placed, skinned
 from clpeel.reading.gltf_primitives import Primitive
@@ -83,7 +83,9 @@ def _pieces(document: Document, accessors: Accessors, poses: Poses) -> tuple[lis
             continue
         held = document.entry("meshes", mesh)
         if mesh not in primitives:
-            primitives[mesh] = [Primitive(accessors, each) for each in held["primitives"]]
+            primitives[mesh] = [Primitive(accessors, each) for each in objects(held, "primitives")]
+            if not primitives[mesh]:
+                others["mesh(es) without primitives"] += 1
         places = poses.copies(index)
         for primitive in primitives[mesh]:
             if primitive.lacks:

@@ -9,7 +9,7 @@ import numpy as np
 from clpeel.errors import InputError
 from clpeel.reading import compressed
 from clpeel.reading.companions import named
-from clpeel.reading.gltf_document import MESHOPT, Document, Json, damaged, extension, whole
+from clpeel.reading.gltf_document import MESHOPT, Document, Json, damaged, extension, fields, whole
 from clpeel.scene.arrays import AnyArray
 
 _MOST_ZEROS = 2**26
@@ -153,12 +153,12 @@ class Accessors:
                 damaged(f"it promises more than {_MOST_ZEROS:,} numbers that it does not hold")
             values = np.zeros((count, width), kind)
         if "sparse" in accessor:
-            sparse = accessor["sparse"]
-            some = whole(f"{what} sparse count", sparse["count"])
-            places = self._stored(what, sparse["indices"], _kind(what, sparse["indices"]), some, 1)[:, 0]
+            sparse = fields(accessor, "sparse")
+            some, indices = whole(f"{what} sparse count", sparse.get("count")), fields(sparse, "indices")
+            places = self._stored(what, indices, _kind(what, indices), some, 1)[:, 0]
             if places.dtype.kind != "u" or (some and int(places.max()) >= count):
                 damaged(f"{what}: expected sparse numbers in places 0..{count - 1}, got others")
-            values[places] = self._stored(what, sparse["values"], kind, some, width)
+            values[places] = self._stored(what, fields(sparse, "values"), kind, some, width)
         return values
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from clpeel.errors import InputError
 from clpeel.reading.companions import named
 from clpeel.reading.gltf_accessors import Accessors
-from clpeel.reading.gltf_document import Document, Json, damaged, place, title
+from clpeel.reading.gltf_document import Document, Json, damaged, fields, objects, place, title
 from clpeel.reading.gltf_nodes import Moved
 from clpeel.reading.losses import listed
 from clpeel.reading.transforms import Reals
@@ -42,13 +42,13 @@ def moved(document: Document, accessors: Accessors, moment: Moment | None) -> Mo
         held = f"there are {len(animations)}, from 0" if animations else "there are none"
         raise InputError(f"animation_index: expected one of the file's animations, of which {held}; got {moment.index}")
     animation, found = animations[moment.index], dict[tuple[int, str], Reals]()
-    for channel in animation["channels"]:
-        target = channel["target"]
+    samplers = objects(animation, "samplers")
+    for channel in objects(animation, "channels"):
+        target = fields(channel, "target")
         if "node" not in target:
             continue  # an extension says what it sets; that is noted by the extension's name
         node, path = place("node", target["node"], len(document.entries("nodes"))), str(target.get("path"))
-        samplers = animation["samplers"]
-        sampler = samplers[place("sampler", channel["sampler"], len(samplers))]
+        sampler = samplers[place("sampler", channel.get("sampler"), len(samplers))]
         found[node, path] = _sampled(accessors, sampler, path, moment.time)
     return found
 

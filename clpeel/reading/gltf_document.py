@@ -53,10 +53,7 @@ class Document:
     def entries(self, kind: str) -> list[Json]:
         """Return the objects of one kind, such as "nodes"; none if the file has none. Raises InputError."""
         if kind not in self._entries:
-            held = self.tree.get(kind, [])
-            if not isinstance(held, list) or not all(isinstance(each, dict) for each in held):
-                damaged(f"{kind}: expected a list of objects, got other values")
-            self._entries[kind] = held
+            self._entries[kind] = objects(self.tree, kind)
         return self._entries[kind]
 
     def entry(self, kind: str, index: object) -> Json:
@@ -66,8 +63,7 @@ class Document:
 
     def _check_extensions(self) -> None:
         """Note the extensions that are ignored. Raises InputError if the file requires one that changes the shape."""
-        required = [str(name) for name in self.tree.get("extensionsRequired", [])]
-        used = [str(name) for name in self.tree.get("extensionsUsed", [])]
+        required, used = ([*map(str, items(self.tree, f"extensions{how}"))] for how in ("Required", "Used"))
         known = _READ | _UNSEEN
         for name in required:
             if name not in known | _APPEARANCES and not name.startswith(_APPEARANCE):
@@ -168,12 +164,34 @@ def unit_numbers(name: str, value: object, count: int) -> tuple[float, ...]:
     return tuple(min(max(each, 0.0), 1.0) for each in numbers(name, value, count))
 
 
-def extension(holder: Json, name: str) -> Json | None:
-    """Return what an object has of an extension, or None. Raises InputError if that is no object."""
-    held = holder.get("extensions", {}).get(name)
+def fields(holder: Json, name: str) -> Json:
+    """Return the object that an object has under a name; an empty one if it has none. Raises InputError."""
+    held = holder.get(name)
     if held is not None and not isinstance(held, dict):
         damaged(f"{name}: expected an object, got {_shown(held)}")
+    return held or {}
+
+
+def items(holder: Json, name: str) -> list[Any]:
+    """Return the list that an object has under a name; an empty one if it has none. Raises InputError."""
+    held = holder.get(name)
+    if held is not None and not isinstance(held, list):
+        damaged(f"{name}: expected a list, got {_shown(held)}")
+    return held or []
+
+
+def objects(holder: Json, name: str) -> list[Json]:
+    """Return the list of objects that an object has under a name; an empty one if it has none. Raises InputError."""
+    held = items(holder, name)
+    if not all(isinstance(each, dict) for each in held):
+        damaged(f"{name}: expected a list of objects, got other values")
     return held
+
+
+def extension(holder: Json, name: str) -> Json | None:
+    """Return what an object has of an extension, or None. Raises InputError if that is no object."""
+    held = fields(holder, "extensions")
+    return fields(held, name) if held.get(name) is not None else None
 
 
 def title(holder: Json, index: int) -> str:

@@ -20,6 +20,7 @@ from clpeel.reading.gltf_document import (
     Json,
     damaged,
     extension,
+    fields,
     number,
     numbers,
     title,
@@ -163,7 +164,7 @@ class Materials:
 
     def _read(self, material: Json, name: str) -> _Recipe:
         """Return what a glTF material says. Raises InputError."""
-        metal, gloss = material.get("pbrMetallicRoughness", {}), extension(material, GLOSS)
+        metal, gloss = fields(material, "pbrMetallicRoughness"), extension(material, GLOSS)
         glass = extension(material, TRANSMISSION) or {}
         for holder in (material, metal, gloss or {}, glass):
             self._kinds.update(_KINDS[key] for key in holder if key in _KINDS)
@@ -187,7 +188,7 @@ class Materials:
         return _Recipe(
             name,
             (red, green, blue, alpha),
-            None if texture not in base else _mapping(base[texture]),
+            None if texture not in base else _mapping(fields(base, texture)),
             mode,
             number("alphaCutoff", material.get("alphaCutoff", 0.5)),
             opacity,

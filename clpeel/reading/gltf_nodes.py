@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from clpeel.reading.gltf_document import Document, Json, damaged, numbers, place, title
+from clpeel.reading.gltf_document import Document, Json, damaged, items, numbers, place, title
 from clpeel.reading.losses import listed
 from clpeel.reading.transforms import Reals, product
 
@@ -42,7 +42,7 @@ def _parents(nodes: list[Json]) -> Any:
     """Return the index of each node's parent, -1 if it has none: int64 [n]. Raises InputError if a node has two."""
     parents = np.full(len(nodes), -1)
     for index, node in enumerate(nodes):
-        for child in node.get("children", ()):
+        for child in items(node, "children"):
             if parents[place("children", child, len(nodes))] >= 0:
                 damaged(f"nodes: expected one parent for node {child}, got two")
             parents[child] = index
@@ -99,7 +99,7 @@ def shown(document: Document) -> list[int]:
         roots = [int(node) for node in np.flatnonzero(_parents(nodes) < 0)]
     else:
         default = place("scene", document.tree.get("scene", 0), len(scenes))
-        roots = scenes[default].get("nodes", [])
+        roots = items(scenes[default], "nodes")
         others = [title(scene, index) for index, scene in enumerate(scenes) if index != default and scene.get("nodes")]
         if others:
             document.note(f"scenes left out, as only the default one is drawn: {listed(others)}")
@@ -109,5 +109,5 @@ def shown(document: Document) -> list[int]:
         if node not in seen:
             seen.add(node)
             found.append(node)
-            left += reversed(nodes[node].get("children", []))
+            left += reversed(items(nodes[node], "children"))
     return found

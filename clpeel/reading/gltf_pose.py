@@ -8,7 +8,7 @@ import numpy as np
 
 from clpeel.reading.companions import named
 from clpeel.reading.gltf_accessors import Accessors
-from clpeel.reading.gltf_document import INSTANCING, Document, damaged, extension, number, place
+from clpeel.reading.gltf_document import INSTANCING, Document, damaged, extension, fields, items, number, place
 from clpeel.reading.gltf_nodes import Moved, composed
 from clpeel.reading.gltf_primitives import Primitive
 from clpeel.reading.losses import listed
@@ -29,7 +29,7 @@ class Poses:
         if (index, "weights") in self._moved:
             return [float(each) for each in self._moved[index, "weights"]]
         node = self.document.entry("nodes", index)
-        held = node.get("weights") or self.document.entry("meshes", node["mesh"]).get("weights") or []
+        held = items(node, "weights") or items(self.document.entry("meshes", node.get("mesh")), "weights")
         return [number("weights", each) for each in held]
 
     def copies(self, index: int) -> Reals:
@@ -40,7 +40,7 @@ class Poses:
             if "skin" in node and extension(node, INSTANCING) is not None:
                 self.document.note(f"instances left out: those of a mesh with a skin ({INSTANCING})")
             return self._worlds[index : index + 1]
-        attributes = dict(many["attributes"])
+        attributes = dict(fields(many, "attributes"))
         counts = {self.accessors.count(each) for each in attributes.values()}
         if len(counts) != 1:
             damaged(f"{INSTANCING}: expected attributes of one length, got {len(counts)}")
@@ -62,7 +62,7 @@ class Poses:
         skin = self.document.entry("skins", node["skin"])
         if node["skin"] not in self._skins:
             count = len(self._worlds)
-            joints = self._worlds[[place("joints", joint, count) for joint in skin["joints"]]]
+            joints = self._worlds[[place("joints", joint, count) for joint in items(skin, "joints")]]
             if "inverseBindMatrices" in skin:
                 rests = self.accessors.floats(skin["inverseBindMatrices"], "inverseBindMatrices", "MAT4")
                 if len(rests) < len(joints):
@@ -80,8 +80,10 @@ def skinned(primitive: Primitive, joints: Reals) -> Reals:
     """
     columns = list[tuple[AnyArray, Reals]]()
     while primitive.has(name := f"JOINTS_{len(columns) // 4}"):
-        places = primitive.stored(name, "VEC4")
-        weights = primitive.floats(name.replace("JOINTS", "WEIGHTS"), (), "VEC4").astype(np.float64)
+        share = name.replace("JOINTS", "WEIGHTS")
+        if not primitive.has(share):
+            damaged(f"{name}: expected {share} with it, got none")
+        places, weights = primitive.stored(name, "VEC4"), primitive.floats(share, (), "VEC4").astype(np.float64)
         weights = np.where(weights > 0, weights, 0.0)
         used = places[weights > 0]
         if places.dtype.kind != "u" or (used.size and int(used.max()) >= len(joints)):

@@ -9,7 +9,7 @@ import numpy as np
 from clpeel.errors import InputError
 from clpeel.reading import compressed
 from clpeel.reading.gltf_accessors import Accessors, unit
-from clpeel.reading.gltf_document import DRACO, Json, damaged, extension, whole
+from clpeel.reading.gltf_document import DRACO, Json, damaged, extension, fields, objects, whole
 from clpeel.reading.strips import fan, strip
 from clpeel.scene.arrays import AnyArray
 
@@ -31,9 +31,9 @@ class Primitive:
     """
 
     def __init__(self, accessors: Accessors, primitive: Json) -> None:
-        self._accessors, self._attributes = accessors, primitive["attributes"]
+        self._accessors, self._attributes = accessors, fields(primitive, "attributes")
         self.material = primitive.get("material")
-        self.targets: Sequence[Json] = primitive.get("targets", ())
+        self.targets: Sequence[Json] = objects(primitive, "targets")
         self._unpacked: dict[str, AnyArray] = {}
         self._used: AnyArray | None = None
         self._stored = 0
@@ -130,7 +130,10 @@ class Primitive:
             return None
         try:
             faces, attributes = compressed.draco(bytes(self._accessors.view(packed.get("bufferView"))))
-            self._unpacked = {name: attributes[key] for name, key in packed["attributes"].items() if key in attributes}
+            ids = fields(packed, "attributes")
+            self._unpacked = {
+                name: attributes[key] for name, key in ids.items() if isinstance(key, int) and key in attributes
+            }
         except InputError:
             plain = [*self._attributes.values(), *([primitive["indices"]] if "indices" in primitive else [])]
             if all(self._accessors.has_data(index) for index in plain):

@@ -68,8 +68,8 @@ class Textures:
 
     def _sources(self, texture: Json) -> _Sources:
         """Return the images that a texture may have. Raises InputError if there is none with such an index."""
-        named = [(extension(texture, name) or {}).get("source") for name in (WEBP, BASISU)]
-        found = [source for source in (*named, texture.get("source")) if source is not None]
+        own = [(extension(texture, name) or {}).get("source") for name in (WEBP, BASISU)]
+        found = [source for source in (*own, texture.get("source")) if source is not None]
         for source in found:
             self.document.entry("images", source)
         return tuple(dict.fromkeys(found))

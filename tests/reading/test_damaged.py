@@ -65,7 +65,7 @@ def test_zip_archives_of_other_things_are_no_3mf(tmp_path: Path) -> None:
         (
             "t.gltf",
             b'{"asset": {"version": "2.0"}, "meshes": [{}], "nodes": [{"mesh": 0}]}',
-            "(the reader stopped with KeyError: 'primitives')",
+            "expected triangles, got 1 mesh(es) without primitives; the mesh is empty",
         ),
     ],
 )
