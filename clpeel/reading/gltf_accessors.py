@@ -16,9 +16,6 @@ _MOST_ZEROS = 2**26
 """The most numbers that accessors without data may have, all together. Otherwise a small file could ask for all the
 memory there is."""
 
-_MOST_UNPACKED = 1024
-"""The most bytes that a packed byte of meshopt may stand for, for the same reason. The format's own limit is lower."""
-
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
@@ -78,8 +75,6 @@ class Accessors:
         stride = whole(f"{name} byteStride", packed.get("byteStride"), 1)
         try:
             data = self._part(name, packed)
-            if count * stride > _MOST_UNPACKED * len(data):
-                damaged(f"{name} promises {count * stride:,} bytes, which {len(data):,} cannot hold")
             return memoryview(
                 compressed.meshopt(
                     bytes(data), count, stride, str(packed.get("mode")), str(packed.get("filter", "NONE"))

@@ -9,7 +9,6 @@ from clpeel.reading.companions import named
 from clpeel.reading.gltf_accessors import Accessors
 from clpeel.reading.gltf_document import BASISU, WEBP, Json, extension
 from clpeel.reading.images import texels
-from clpeel.reading.reader_log import collected
 from clpeel.scene.arrays import AnyArray
 from clpeel.scene.textures import Magnify, Minify, Texture, Wrap
 
@@ -113,8 +112,7 @@ def _decoded(images: list[tuple[str, bytes | str]]) -> tuple[AnyArray | None, li
         try:
             if isinstance(data, str):
                 raise ValueError(data)
-            with collected():
-                return texels(data), []
+            return texels(data), []
         except ValueError as error:
             notes.append(f"texture {name} left out: {error}")
     return None, notes

@@ -373,6 +373,35 @@ def test_meshopt_that_cannot_be_unpacked_needs_a_fallback(tmp_path: Path, fallba
         assert "expected the package, which is not installed" in refusal(document, tmp_path)
 
 
+def test_real_draco_and_meshopt_data_are_read(tmp_path: Path) -> None:
+    draco, meshopt = pytest.importorskip("DracoPy"), pytest.importorskip("meshopt")
+    faces = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4]])
+    plain_one = Document(POINTS)
+    plain_one.primitive["indices"] = plain_one.add(faces.reshape(-1).astype(np.uint16))
+    want = plain_one.load(tmp_path)
+
+    by_meshopt = Document(POINTS)
+    by_meshopt.primitive["indices"] = by_meshopt.add(faces.reshape(-1).astype(np.uint16))
+    packings = ((POINTS, "ATTRIBUTES", 12), (faces.reshape(-1).astype(np.uint16), "TRIANGLES", 2))
+    for view, (values, mode, stride) in enumerate(packings):
+        part = by_meshopt.views[by_meshopt.view(meshopt.encode_gltf_buffer(values, mode))]
+        packed = {**part, "byteStride": stride, "count": len(values), "mode": mode}
+        extensions = {"EXT_meshopt_compression": packed}
+        by_meshopt.views[view] = {"buffer": 1, "byteLength": values.nbytes, "extensions": extensions}
+    by_meshopt.more["buffers"] = [*by_meshopt.tree()["buffers"], {"byteLength": 9999}]
+
+    by_draco = Document(POINTS)
+    data = draco.encode(POINTS, faces.astype(np.uint32), preserve_order=True, quantization_bits=24)
+    packed = {"bufferView": by_draco.view(data), "attributes": {"POSITION": 0}}
+    by_draco.primitive |= {"extensions": {"KHR_draco_mesh_compression": packed}}
+    del by_draco.accessors[0]["bufferView"]
+
+    for document, near in ((by_meshopt, 0), (by_draco, 2**-22)):
+        scene = document.load(tmp_path)
+        np.testing.assert_allclose(scene.vertices, want.vertices, atol=near)
+        assert turned(scene.faces) == turned(faces)
+
+
 # --- files that need little -------------------------------------------------------------------------------------------
 
 
