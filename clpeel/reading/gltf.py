@@ -23,18 +23,23 @@ from clpeel.reading.transforms import Reals
 from clpeel.scene.arrays import AnyArray
 from clpeel.scene.scene import Scene, joined
 
-_MOST_COPIES = 2**27
-"""The most vertices that a file may draw beyond those it holds. Otherwise a small file could ask for all the memory
-there is, by many nodes with one mesh."""
+_MOST_DRAWN = 2**27
+"""The most vertices, or triangles, that a file may draw if it does not hold as many bytes. Otherwise a small file could
+ask for all the memory there is, by many nodes with one mesh."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A primitive as a node shows it. places: float64 [k, 4, 4], where its copies stand."""
+    """A primitive as nodes show it.
 
-    node: int
+    weights: of its morph targets. joints: what moves each joint of its skin, float64 [j, 4, 4]; None without a skin.
+    places: where its copies stand, float64 [k, 4, 4] for each node.
+    """
+
     primitive: Primitive
-    places: Reals
+    weights: tuple[float, ...]
+    joints: Reals | None
+    places: list[Reals]
 
 
 def read_gltf(data: bytes, extension: str, companions: Companions, moment: Moment | None = None) -> Scene:
@@ -52,12 +57,12 @@ def read_gltf(data: bytes, extension: str, companions: Companions, moment: Momen
     for piece in pieces:
         materials.want(piece.primitive)
     materials.textures.decode()
-    materials.note_kinds()
     scenes = list[Scene]()
     for piece in pieces:
         look = materials.look(piece.primitive)
         if look is not None:
-            scenes.append(_scene(piece, look, poses))
+            scenes.append(_scene(piece, look))
+    materials.note_losses()
     left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
     if left_out:
         document.note(f"left out, not triangles: {left_out}")
@@ -73,42 +78,48 @@ def read_gltf(data: bytes, extension: str, companions: Companions, moment: Momen
 def _pieces(document: Document, accessors: Accessors, poses: Poses) -> tuple[list[_Piece], Counter[str]]:
     """Return the primitives that are drawn, in the order of the nodes, and how many of each kind have no triangles.
 
-    Raises InputError, also if there are more vertices than a file may ask for.
+    Nodes that show a primitive alike but for their places share a piece, in the first one's place. Raises InputError,
+    also if more is drawn than a file may ask for.
     """
     primitives: dict[int, list[Primitive]] = {}
-    pieces, others, total = list[_Piece](), Counter[str](), 0
+    pieces: dict[tuple[Any, ...], _Piece] = {}
+    others, drawn = Counter[str](), 0
     for index in gltf_nodes.shown(document):
         mesh = document.entry("nodes", index).get("mesh")
         if mesh is None:
             continue
-        held = document.entry("meshes", mesh)
-        if mesh not in primitives:
-            primitives[mesh] = [Primitive(accessors, each) for each in objects(held, "primitives")]
-            if not primitives[mesh]:
-                others["mesh(es) without primitives"] += 1
-        places = poses.copies(index)
-        for primitive in primitives[mesh]:
+        held = objects(document.entry("meshes", mesh), "primitives")
+        if not held:
+            others["mesh(es) without primitives"] += 1
+        skin, places = poses.skin(index), poses.copies(index)
+        for number, each in enumerate(held):
+            if number == len(primitives.setdefault(mesh, [])):
+                primitives[mesh].append(Primitive(accessors, each))
+            primitive = primitives[mesh][number]
+            drawn += len(places) * max(primitive.count, len(primitive.faces))
+            most = min(max(_MOST_DRAWN, accessors.size), 2**31 - 1)
+            if drawn > most:
+                held = f"of a file with {accessors.size:,} bytes of numbers"
+                raise InputError(f"expected at most {most:,} vertices or triangles {held}, got {drawn:,} or more")
             if primitive.lacks:
                 others[primitive.lacks] += len(places)
                 continue
-            pieces.append(_Piece(index, primitive, places))
-            total += primitive.count * len(places)
-    once = sum(primitive.count for each in primitives.values() for primitive in each)
-    if total >= 2**31 or total - once > _MOST_COPIES:
-        raise InputError(f"expected nodes that draw fewer vertices, got {total:,} of {once:,} that the file holds")
-    return pieces, others
+            weights = poses.weights(index) if primitive.targets else ()
+            joints = skin if primitive.has("JOINTS_0") else None
+            key = (primitive, weights, None if joints is None else index)
+            pieces.setdefault(key, _Piece(primitive, weights, joints, [])).places.append(places)
+    return list(pieces.values()), others
 
 
-def _scene(piece: _Piece, look: Look, poses: Poses) -> Scene:
-    """Return the scene of a primitive as a node shows it. Raises InputError."""
-    primitive, weights = piece.primitive, poses.weights(piece.node)
+def _scene(piece: _Piece, look: Look) -> Scene:
+    """Return the scene of a primitive as nodes show it. Raises InputError."""
+    primitive, weights = piece.primitive, piece.weights
     points = primitive.floats("POSITION", weights, "VEC3")
     normals = primitive.floats("NORMAL", weights, "VEC3") if primitive.has("NORMAL") else None
-    joints = poses.skin(piece.node)
-    if joints is not None and primitive.has("JOINTS_0"):
-        matrix = skinned(primitive, joints)[None]
+    if piece.joints is None:
+        matrix = np.concatenate(piece.places)[:, None]
     else:
-        matrix = piece.places[:, None]
+        matrix = skinned(primitive, piece.joints)[None]
     vertices, normals, faces = placed(points, normals, primitive.faces, matrix)
     given: dict[str, Any] = {"vertex_normals": normals}
     copies = len(matrix)

@@ -30,6 +30,11 @@ class Accessors:
         self._made: dict[int, AnyArray] = {}
         self._zeros = 0
 
+    @property
+    def size(self) -> int:
+        """How many bytes of buffers have been read or unpacked so far."""
+        return sum(map(len, (*self._buffers.values(), *self._unpacked.values())))
+
     # --- bytes --------------------------------------------------------------------------------------------------------
 
     def view(self, index: Any) -> memoryview:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +28,7 @@ from clpeel.reading.gltf_document import (
 )
 from clpeel.reading.gltf_primitives import Primitive
 from clpeel.reading.gltf_textures import Textures
+from clpeel.reading.losses import listed
 from clpeel.scene.arrays import AnyArray, Colors
 from clpeel.scene.materials import ALPHA_MODES, AlphaMode, Light, Material
 from clpeel.scene.textures import srgb
@@ -102,7 +102,9 @@ class Materials:
         self.document, self.textures = document, textures
         self._recipes: dict[int, _Recipe] = {}
         self._made: dict[tuple[object, bool, AlphaMode], Material] = {}
-        self._kinds = Counter[str]()
+        self._looks: dict[Primitive, Look | None] = {}
+        self._kinds = set[str]()
+        self._losses: dict[str, list[str]] = {}
 
     def want(self, primitive: Primitive) -> None:
         """Ask for the texture of a primitive. Raises InputError."""
@@ -112,12 +114,17 @@ class Materials:
 
     def look(self, primitive: Primitive) -> Look | None:
         """Return how a primitive's faces look, or None, with a note, if they are cut away. Raises InputError."""
+        if primitive not in self._looks:
+            self._looks[primitive] = self._look(primitive)
+        return self._looks[primitive]
+
+    def _look(self, primitive: Primitive) -> Look | None:
         recipe, mapped = self._recipe(primitive.material), self._mapped(primitive)
         texture = None if mapped is None else self.textures.get(mapped.index)
         mode, colored = recipe.alpha_mode, primitive.has("COLOR_0")
         if mode == "MASK" and texture is None and not colored:
             if recipe.base_color[3] < recipe.alpha_cutoff:
-                self.document.note(f"faces left out, as their material {recipe.name} cuts all of them away")
+                self._lose("faces left out, as their materials cut all of them away", recipe.name)
                 return None
             mode = "OPAQUE"
         if texture is None and not colored and mode != "MASK" and not recipe.unlit:
@@ -138,20 +145,24 @@ class Materials:
             )
         return Look(recipe.single_sided, self._made[key], mapped=None if texture is None else mapped)
 
-    def note_kinds(self) -> None:
-        """Note the textures of used materials that are not drawn."""
+    def note_losses(self) -> None:
+        """Note what the picture lacks of the materials that were used."""
+        for text, names in self._losses.items():
+            self.document.note(f"{text}: {listed(names)}")
         kinds = [kind for kind in _KINDS.values() if kind in self._kinds]
         if kinds:
             self.document.note(f"textures left out, as only base colours are drawn: {', '.join(kinds)}")
+
+    def _lose(self, text: str, name: str) -> None:
+        """Keep what a material loses for a note."""
+        self._losses.setdefault(text, []).append(name)
 
     def _mapped(self, primitive: Primitive) -> Mapped | None:
         """Return the texture of a primitive, or None if its material has none, or it has no coordinates for it."""
         recipe = self._recipe(primitive.material)
         if recipe.mapped is None or primitive.has(recipe.mapped.coordinates):
             return recipe.mapped
-        self.document.note(
-            f"texture of material {recipe.name} left out: a mesh has no {recipe.mapped.coordinates} for it"
-        )
+        self._lose("textures left out, as meshes lack the coordinates for those of materials", recipe.name)
         return None
 
     def _recipe(self, index: Any) -> _Recipe:
@@ -180,7 +191,7 @@ class Materials:
         (transmitted,) = unit_numbers("transmissionFactor", [glass.get("transmissionFactor", 0)], 1)
         opacity = 1.0
         if transmitted:
-            self.document.note(f"glass of material {name} is drawn as transparency ({TRANSMISSION})")
+            self._lose(f"glass drawn as transparency ({TRANSMISSION})", name)
             if mode == "BLEND":
                 alpha = max(alpha * (1 - transmitted), min(alpha, _LEAST_GLASS))
             else:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from clpeel.reading.companions import named
@@ -24,13 +22,13 @@ class Poses:
         self._worlds, self._moved = worlds, moved
         self._skins: dict[int, Reals] = {}
 
-    def weights(self, index: int) -> Sequence[float]:
+    def weights(self, index: int) -> tuple[float, ...]:
         """Return the weights of the morph targets of a node's mesh: of the animation, the node, or the mesh."""
         if (index, "weights") in self._moved:
-            return [float(each) for each in self._moved[index, "weights"]]
+            return tuple(float(each) for each in self._moved[index, "weights"])
         node = self.document.entry("nodes", index)
         held = items(node, "weights") or items(self.document.entry("meshes", node.get("mesh")), "weights")
-        return [number("weights", each) for each in held]
+        return tuple(number("weights", each) for each in held)
 
     def copies(self, index: int) -> Reals:
         """Return the places of a node's mesh, float64 [k, 4, 4]: one, unless the node has instances of it."""

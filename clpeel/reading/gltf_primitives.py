@@ -35,6 +35,7 @@ class Primitive:
         self.material = primitive.get("material")
         self.targets: Sequence[Json] = objects(primitive, "targets")
         self._unpacked: dict[str, AnyArray] = {}
+        self._read: dict[str, AnyArray] = {}
         self._used: AnyArray | None = None
         self._stored = 0
         self.faces: AnyArray = np.zeros((0, 3), np.int32)
@@ -60,11 +61,12 @@ class Primitive:
 
         types: those that the accessor may have.
         """
-        if name in self._unpacked:
-            values = self._unpacked[name]
-        else:
-            values = self._accessors.values(self._attributes[name], name, *types)
-        return self._rows(name, values)
+        if name not in self._read:
+            values = self._unpacked.get(name)
+            if values is None:
+                values = self._accessors.values(self._attributes[name], name, *types)
+            self._read[name] = self._rows(name, values)
+        return self._read[name]
 
     def floats(self, name: str, weights: Sequence[float], *types: str) -> AnyArray:
         """Return an attribute's numbers as floats, [count, width], morphed (glTF 2.0, section 3.7.2.2).

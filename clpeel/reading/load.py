@@ -86,7 +86,7 @@ _DUPLICATES = "duplicate faces"  # the note about duplicate faces begins like th
 
 def _without_duplicates(scene: Scene, drop: bool) -> Scene:
     """Return the scene with a note of its duplicate faces. With drop, remove them, and note how many there were."""
-    found, total = duplicates(scene.vertices, scene.faces), len(scene.faces)
+    found, total = duplicates(scene.vertices, scene.faces, scene.single_sided), len(scene.faces)
     notes = tuple(note for note in scene.notes if not note.startswith(_DUPLICATES) or " dropped" in note)
     if not len(found):
         return scene if notes == scene.notes else replace(scene, notes=notes)

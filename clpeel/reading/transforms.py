@@ -32,9 +32,8 @@ def cofactors(matrix: Reals) -> tuple[Reals, Reals]:
     turn = matrix[..., :3, :3]
     turn = turn / np.abs(turn).max(axis=(-2, -1), keepdims=True)
     found = np.cross(turn[..., [1, 2, 0], :], turn[..., [2, 0, 1], :])
-    return found, turn[..., 0, 0] * found[..., 0, 0] + turn[..., 0, 1] * found[..., 0, 1] + turn[..., 0, 2] * found[
-        ..., 0, 2
-    ]
+    first = turn[..., 0, :] * found[..., 0, :]
+    return found, first[..., 0] + first[..., 1] + first[..., 2]
 
 
 def product(left: Reals, right: Reals) -> Reals:

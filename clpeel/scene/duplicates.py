@@ -11,13 +11,26 @@ _ODD = [np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B
 """Odd multipliers, which spread every bit of a coordinate to the higher bits."""
 
 
-def duplicates(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.intp]:
+def duplicates(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], single_sided: NDArray[np.bool_] | None = None
+) -> NDArray[np.intp]:
     """Return the sorted indices of the faces whose corners lie exactly where those of an earlier face do.
 
-    The corners may be in any order.
+    The corners may be in any order. But of two single-sided faces, back to back, each is seen from its own side alone:
+    they are no duplicates, nor are a single-sided face and one that is not.
 
-    vertices: float64 [n, 3]; -0.0 equals 0.0, and NaN equals nothing. faces: int32 [m, 3].
+    vertices: float64 [n, 3]; -0.0 equals 0.0, and NaN equals nothing. faces: int32 [m, 3]. single_sided: bool [m].
     """
+    found = _coincident(vertices, faces)
+    if single_sided is None or not len(found):
+        return found
+    side = np.where(single_sided, 1 + _turns_right(vertices, faces), 0)
+    groups = [np.flatnonzero(side == each) for each in range(3)]
+    return np.sort(np.concatenate([group[_coincident(vertices, faces[group])] for group in groups]))
+
+
+def _coincident(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Return the same as duplicates, where all faces are seen from both sides."""
     points = vertices + 0.0  # turns -0.0 into 0.0, as their bits differ
     corners = _hashes(points)
     candidates = _alike(_sums((corners >> np.uint64(32)).astype(np.uint32), faces))
@@ -28,6 +41,23 @@ def duplicates(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArr
     grouped = np.append(same, False) | np.append(False, same) if len(keys) else np.zeros(0, bool)
     candidates, keys = candidates[grouped], keys[grouped]
     return np.sort(candidates[_repeats(points, corners, faces[candidates], keys)])
+
+
+def _turns_right(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return of each face which way round its corners run, from the least one, by x, y and z, to the next: bool [m].
+
+    It is the same for faces with the same corners in the same order, whichever of them is first, and else differs.
+    """
+    a, b, c = vertices[faces].transpose(1, 2, 0)
+
+    def less(p: AnyArray, q: AnyArray) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = p[2] < q[2]
+        for axis in (1, 0):
+            found = (p[axis] < q[axis]) | ((p[axis] == q[axis]) & found)
+        return found
+
+    rises = less(a, b).astype(np.int8) + less(b, c) + less(c, a)
+    return rises == 2
 
 
 def _hashes(points: NDArray[np.float64]) -> NDArray[np.uint64]:

@@ -73,7 +73,7 @@ def test_masks_of_one_alpha_are_decided_at_once(tmp_path: Path, cutoff: float | 
         tree_of = document.primitive
         document.more["meshes"] = [{"primitives": [tree_of, {"attributes": tree_of["attributes"]}]}]
         scene = document.load(tmp_path)
-        assert scene.notes == ("faces left out, as their material 'net' cuts all of them away",)
+        assert scene.notes == ("faces left out, as their materials cut all of them away: 'net'",)
         assert len(scene.faces) == 1
     else:
         scene = document.load(tmp_path)
@@ -157,7 +157,7 @@ def test_glass_is_transparent_and_noted(tmp_path: Path, mode: str, transmitted: 
     np.testing.assert_allclose(
         scene.color * (1 if scene.color.dtype == np.float32 else 1 / 255), [1, 1, 1, alpha], atol=1e-7
     )
-    note = "glass of material 'pane' is drawn as transparency (KHR_materials_transmission)"
+    note = "glass drawn as transparency (KHR_materials_transmission): 'pane'"
     assert scene.notes == ((note,) if transmitted else ())
 
 
@@ -219,7 +219,7 @@ def test_coordinates_are_scaled_turned_and_shifted(tmp_path: Path) -> None:
 
 def test_a_texture_without_coordinates_is_noted(tmp_path: Path) -> None:
     scene = textured(png(), {"texCoord": 1}, name="oak").load(tmp_path)
-    assert scene.notes == ("texture of material 'oak' left out: a mesh has no TEXCOORD_1 for it",)
+    assert scene.notes == ("textures left out, as meshes lack the coordinates for those of materials: 'oak'",)
     assert not scene.materials and scene.uv is None
 
 

@@ -20,14 +20,20 @@ VALUES = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, float("inf"), float
 POINTS = hnp.arrays(np.float64, st.tuples(st.integers(1, 8), st.just(3)), elements=VALUES)
 
 
-def by_hand(vertices: np.ndarray, faces: np.ndarray) -> list[int]:
-    """Duplicates by comparing sorted tuples of corners; in tuples of new floats NaN equals nothing."""
+def by_hand(vertices: np.ndarray, faces: np.ndarray, single_sided: np.ndarray | None = None) -> list[int]:
+    """Duplicates by comparing sorted tuples of corners; in tuples of new floats NaN equals nothing.
+
+    The corners of single-sided faces are turned until the least is first, and so keep their winding.
+    """
     seen: list[list[tuple[float, ...]]] = []
     repeats = []
     for index, face in enumerate(faces):
-        corners = sorted(tuple(float(x) + 0.0 for x in vertices[corner]) for corner in face)
-        if np.isnan(corners).any():
+        given = [tuple(float(x) + 0.0 for x in vertices[corner]) for corner in face]
+        if np.isnan(given).any():
             continue
+        corners = sorted(given)
+        if single_sided is not None and single_sided[index]:
+            corners = [(), *min(given[first:] + given[:first] for first in range(3))]
         if corners in seen:
             repeats.append(index)
         seen.append(corners)
@@ -38,6 +44,14 @@ def by_hand(vertices: np.ndarray, faces: np.ndarray) -> list[int]:
 def test_duplicates_are_those_found_by_hand(vertices: np.ndarray, seed: int, count: int) -> None:
     faces = np.random.default_rng(seed).integers(0, len(vertices), (count, 3), dtype=np.int32)
     assert duplicates(vertices, faces).tolist() == by_hand(vertices, faces)
+
+
+@given(POINTS, st.integers(0, 2**32 - 1), st.integers(1, 40))
+def test_single_sided_faces_back_to_back_are_no_duplicates(vertices: np.ndarray, seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    faces = rng.integers(0, len(vertices), (count, 3), dtype=np.int32)
+    for sides in (rng.integers(0, 2, count) == 1, np.ones(count, bool), np.zeros(count, bool)):
+        assert duplicates(vertices, faces, sides).tolist() == by_hand(vertices, faces, sides)
 
 
 @given(POINTS, st.integers(0, 2**32 - 1))
