@@ -99,8 +99,8 @@ def _pieces(document: Document, accessors: Accessors, poses: Poses) -> tuple[lis
             drawn += len(places) * max(primitive.count, len(primitive.faces))
             most = min(max(_MOST_DRAWN, accessors.size), 2**31 - 1)
             if drawn > most:
-                held = f"of a file with {accessors.size:,} bytes of numbers"
-                raise InputError(f"expected at most {most:,} vertices or triangles {held}, got {drawn:,} or more")
+                of = f"of a file with {accessors.size:,} bytes of numbers"
+                raise InputError(f"expected at most {most:,} vertices or triangles {of}, got {drawn:,} or more")
             if primitive.lacks:
                 others[primitive.lacks] += len(places)
                 continue

@@ -178,6 +178,16 @@ def test_targets_come_before_the_node(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scene.vertices, 2 * (POINTS[:3] + DELTA))
 
 
+def test_nodes_with_one_mesh_have_weights_of_their_own(tmp_path: Path) -> None:
+    document = morphed([1, 0])
+    shifted = {"mesh": 0, "translation": [100, 0, 0]}
+    document.more["nodes"] = [{"mesh": 0, "weights": [0, 0.5]}, {"mesh": 0}, shifted]
+    document.more["scenes"] = [{"nodes": [0, 1, 2]}]
+    once = POINTS[:3] + DELTA
+    want = [*(POINTS[:3] + DELTA[::-1] / 2), *once, *(once + [100, 0, 0])]
+    np.testing.assert_array_equal(document.load(tmp_path).vertices, want)
+
+
 def test_quantized_and_sparse_targets_are_read(tmp_path: Path) -> None:
     document = morphed([1, 0])
     steps = np.array([[0, 0, 127]], np.int8)
