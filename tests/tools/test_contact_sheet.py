@@ -174,6 +174,12 @@ def test_a_peer_that_fails_says_why(script: str, why: str, squares: Path, tmp_pa
     assert said == [f"squares: f3d: {cells[1].why}"]
 
 
+def test_a_reason_names_the_file_without_its_folder(squares: Path, tmp_path: Path, peers: Any) -> None:
+    peers(f3d="import json, sys; raise SystemExit('no reader for ' + json.loads(sys.argv[1])['model'])")
+    cells = programs.sheet(View("squares", squares), tmp_path, sys.executable, dict(os.environ), lambda text: None)
+    assert cells[1].why == "no reader for squares.off"
+
+
 def test_what_clpeel_leaves_out_is_said(tmp_path: Path, peers: Any) -> None:
     peers()
     model = tmp_path / "it.obj"

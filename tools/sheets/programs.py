@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmark.runs import Failed, run
@@ -45,7 +45,8 @@ def sheet(
     for name, script in PEERS.items():
         out = scratch / f"{view.name}-{name}.png"
         command = [peer_python, "-P", str(script), json.dumps(view.job(camera, out))]
-        cells.append(peer(name, command, environment, out))
+        cell = peer(name, command, environment, out)
+        cells.append(replace(cell, why=cell.why.replace(str(view.model.resolve()), view.model.name)))
         if cells[-1].why:
             say(f"{view.name}: {name}: {cells[-1].why}")
     return cells

@@ -13,7 +13,7 @@ import clpeel
 SIDE = 480
 """Pixels of a picture on each side."""
 
-BACKGROUND = (0.55, 0.62, 0.70)
+BACKGROUND = (0.70, 0.76, 0.68)
 """Neither white nor black, so that white surfaces without light are seen, and so is what shows through them."""
 
 
@@ -65,7 +65,7 @@ DEFAULTS: dict[str, tuple[str, dict[str, Any]]] = {
     "truck-translucent": ("CesiumMilkTruck.glb", {"direction": ASLANT, "opacity": 0.4}),
     "duck": ("Duck.glb", {"direction": ASLANT}),
     "texture-transform": ("TextureTransformTest/TextureTransformTest.gltf", {}),
-    "morph": ("MorphStressTest/MorphStressTest.gltf", {"direction": ASLANT}),
+    "morph": ("MorphStressTest/MorphStressTest.gltf", {"lit": True, "direction": ASLANT}),
     "skin": ("skin/simple_skin.gltf", {"lit": True, "direction": ASLANT}),
     "engine": ("draco-engine/2CylinderEngine.gltf", {"lit": True, "direction": ASLANT}),
     "fuze": ("fuze/fuze.obj", {"direction": ASLANT, "up": (0.0, 0.0, 1.0)}),
