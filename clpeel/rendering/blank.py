@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.scene.camera import FLAT, Camera, flat_normal
+from clpeel.scene.materials import NO_MATERIAL
 from clpeel.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -61,10 +62,17 @@ def _is_blank(image: NDArray[np.uint8], background: Sequence[float] | None) -> b
 
 
 def _is_wholly_transparent(scene: Scene) -> bool:
-    colors = scene.colors
-    if scene.vertex_colors is not None:
-        colors = colors[scene.faces.reshape(-1)]
-    return not colors[..., 3].any()
+    """Whether every alpha is 0, whatever textures have."""
+    alpha = scene.colors[..., 3]
+    if scene.face_materials is not None:
+        used = {scene.materials[place] for place in np.unique(scene.face_materials) if place != NO_MATERIAL}
+        if any(m.opacity > 0 and (m.alpha_mode != "BLEND" or m.base_color[3] > 0) for m in used):
+            return False
+        plain = scene.face_materials == NO_MATERIAL
+        alpha = np.broadcast_to(alpha, plain.shape)[plain] if scene.vertex_colors is None else alpha[scene.faces[plain]]
+    elif scene.vertex_colors is not None:
+        alpha = alpha[scene.faces.reshape(-1)]
+    return not alpha.any()
 
 
 def _why_nothing_is_covered(scene: Scene, camera: Camera, discarded: int) -> str:
@@ -80,10 +88,27 @@ def _why_nothing_is_covered(scene: Scene, camera: Camera, discarded: int) -> str
         near, far = camera.clipping_range
         if farthest < near or nearest > far:
             return f"all surfaces lie {nearest:.6g} to {farthest:.6g} away, outside --clipping-range {near:g},{far:g}"
+    if scene.single_sided is not None and _is_seen_from_behind(scene, camera):
+        return (
+            "all faces are seen from behind, and the file says they have one side; --backface-type visible shows them"
+        )
+    if scene.kinds.routed.any():
+        return "its textures are holes wherever they are seen: their alpha is 0, or below the cut-off of the material"
     return (
         "no triangle covers a sample: all surfaces lie beside the view, or are thinner than a pixel; give another "
         "--camera-direction, --camera-position or --resolution"
     )
+
+
+def _is_seen_from_behind(scene: Scene, camera: Camera) -> bool:
+    """Whether all faces have one side alone, and are seen from the other."""
+    if scene.single_sided is None or not scene.single_sided.all():
+        return False
+    with np.errstate(all="ignore"):
+        a, b, c = (scene.vertices[scene.faces[:, corner]] for corner in range(3))
+        views = camera.axes()[2] if camera.orthographic else a - np.asarray(camera.position)
+        facing = (np.cross(b - a, c - a) * views).sum(axis=1)
+    return bool((facing[np.isfinite(facing)] >= 0).all())
 
 
 def _is_edge_on(scene: Scene, camera: Camera) -> bool:

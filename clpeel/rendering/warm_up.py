@@ -26,7 +26,9 @@ from clpeel.rendering.options import Lighting
 from clpeel.rendering.renderer import Renderer
 from clpeel.rendering.request import Progress
 from clpeel.scene.camera import Camera
+from clpeel.scene.materials import Material
 from clpeel.scene.scene import Scene
+from clpeel.scene.textures import Texture
 from clpeel.techniques import TECHNIQUES
 
 SIZE = (32, 32)
@@ -51,7 +53,8 @@ class Kind:
     """A kind of picture: see the module.
 
     floats: colours are floats rather than bytes, as they are where `--opacity` is given. pairs: positions need more
-    than float32, as those of many a file do. layers: with the layers of every pixel, too.
+    than float32, as those of many a file do. layers: with the layers of every pixel, too. textured: with a texture,
+    which has holes unless surfaces are opaque.
     """
 
     technique: str
@@ -61,6 +64,7 @@ class Kind:
     floats: bool = False
     pairs: bool = False
     layers: bool = False
+    textured: bool = False
 
     @property
     def name(self) -> str:
@@ -71,6 +75,7 @@ class Kind:
             "lit" if self.lighting != "none" else "unlit",
             f"colours: {self.rate}{', floats' if self.floats else ''}",
             *(["exact positions"] if self.pairs else []),
+            *(["textures"] if self.textured else []),
         ]
         return ", ".join(parts)
 
@@ -82,9 +87,11 @@ class Kind:
             colors[count // 2 :] = OPAQUE
         given = (colors / 255).astype(np.float32) if self.floats else colors
         corners = CORNERS / 3 if self.pairs else CORNERS
-        if self.rate == "scene":
-            return Scene.from_arrays(corners, FACES, color=given[0])
-        named: dict[str, Any] = {f"{self.rate}_colors": given}
+        named: dict[str, Any] = {f"{self.rate}_colors": given} if self.rate != "scene" else {"color": given[0]}
+        if self.textured:
+            image = np.full((2, 2, 4), 255, np.uint8)
+            image[0, 0, 3] = 255 if self.surfaces == "opaque" else 0
+            named |= {"materials": [Material(texture=Texture(image), alpha_mode="BLEND")], "uv": corners[:, :2]}
         return Scene.from_arrays(corners, FACES, **named)
 
 
@@ -126,6 +133,8 @@ def kinds_of(techniques: Sequence[str]) -> Iterator[Kind]:
             if lighting != "none" and surfaces != "opaque":
                 yield Kind(technique, rate, surfaces, lighting, floats=True)
     yield Kind(first, "scene", "transparent", "headlight", pairs=True)
+    yield Kind(first, "scene", "opaque", "headlight", textured=True)  # most glTF files are one of these two
+    yield Kind(first, "face", "mixed", "headlight", floats=True, textured=True)
     if TECHNIQUES[first].sorts:
         yield Kind(first, "face", "transparent", "headlight", layers=True)
 

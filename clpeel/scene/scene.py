@@ -213,6 +213,11 @@ class Scene:
                     texels = np.ones(1, np.float32) if material.texture is None else material.texture.image[..., 3]
                     levels, shares = _counted(texels, below=1.0 if tint == 1 else 1.1)
                     found.append((levels * tint, shares * (count / max(texels.size, 1))))
+                    # Between texels there is any alpha up to the greatest one, even if none of them has it.
+                    most = min(tint * material.texel_alphas[1], 1 - 2.0**-24)
+                    found.append(
+                        (np.array([most]), np.array([1e-9 if material.texel_alphas[0] < 1 or tint < 1 else 0.0]))
+                    )
                 elif count and material.opacity < 1:
                     found.append((np.array([material.opacity]), np.array([float(count)])))
             values, counts = (

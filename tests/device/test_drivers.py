@@ -61,8 +61,8 @@ def short_cases() -> list[Case]:
     return [(name, {}, 64) for name in TECHNIQUES] + [(name, by_passes(name), 64) for name in able]
 
 
-# Prints a line for each picture: the number of the case, and whether both devices give the same bits. Every other
-# picture with so many lanes is lit, has opaque surfaces, and colours that vary over faces.
+# Prints a line for each picture: the number of the case, and whether both devices give the same bits. Pictures with so
+# many lanes take turns: flat colours; lit, with opaque surfaces and colours that vary over faces; with textures.
 SCRIPT = """
 import json, sys
 import numpy as np
@@ -87,11 +87,20 @@ plain = clpeel.Scene.from_arrays(corners, faces, face_colors=rng.integers(0, 255
 colors = rng.random((60, 4)).astype(np.float32)
 colors[:12, 3] = 1
 mixed = clpeel.Scene.from_arrays(corners, faces, vertex_colors=colors)
+image = rng.integers(0, 256, (32, 32, 4), dtype=np.uint8)
+image[..., 3] = rng.choice([0, 100, 255], (32, 32))
+textures = [clpeel.Texture(image), clpeel.Texture(image, ("mirror", "clamp"), "nearest", "linear-mipmap-nearest")]
+modes = ["BLEND", "MASK", "OPAQUE"]
+materials = [clpeel.Material(texture=textures[k % 2], alpha_mode=mode) for k, mode in enumerate(modes)]
+textured = clpeel.Scene.from_arrays(
+    corners, faces, vertex_colors=colors, materials=materials, face_materials=np.arange(20) % 4 - 1,
+    uv=rng.normal(size=(60, 2)) * 3)
+scenes = (plain, "none"), (mixed, "headlight"), (textured, "headlight"), (textured, "none")
 
 def drawn(device, number, technique, options, lanes):
     # A verdict may change numbers, so the device is found by what does not change.
     place = next(each.number for each in list_devices() if each.device == device.device)
-    scene, lighting = ((plain, "none"), (mixed, "headlight"))[(number + number // 2) % 2]
+    scene, lighting = scenes[(number + number // 2) % len(scenes)]
     return clpeel.Renderer(scene, place, lanes).render(
         size=(70, 50), technique=technique, lighting=lighting, background=(0.2, 0.4, 0.8), **options)
 
