@@ -345,3 +345,14 @@ def test_coordinates_stay_beside_faces_without_a_texture(tmp_path: Path) -> None
     assert scene.face_materials is not None and scene.face_materials.tolist() == [-1, 0]
     np.testing.assert_array_equal(scene.uv, [*np.zeros((3, 2)), *UV])
     np.testing.assert_array_equal(scene.vertices, [*POINTS[:3], *POINTS[:3]])
+
+
+def test_copies_of_a_mesh_have_its_colors_and_coordinates(tmp_path: Path) -> None:
+    document = textured(png())
+    document.primitive["attributes"]["COLOR_0"] = document.add(PURPLE, normalized=True)
+    document.more |= {"nodes": [{"mesh": 0}, {"mesh": 0, "scale": [2, 2, 2]}], "scenes": [{"nodes": [0, 1]}]}
+    scene = document.load(tmp_path)
+    assert len(scene.materials) == 1 and scene.face_materials is not None and scene.face_materials.tolist() == [0, 0]
+    np.testing.assert_array_equal(scene.uv, [*UV, *UV])
+    np.testing.assert_array_equal(scene.vertex_colors, [*PURPLE, *PURPLE])
+    np.testing.assert_array_equal(scene.vertices, [*POINTS[:3], *(2 * POINTS[:3])])
