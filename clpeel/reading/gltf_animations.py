@@ -38,9 +38,11 @@ def moved(document: Document, accessors: Accessors, moment: Moment | None) -> Mo
             how = "--animation-index and --animation-time show a moment of one"
             document.note(f"animations left out: {len(animations)} ({names}); {how}")
         return {}
-    if not 0 <= moment.index < len(animations):
-        held = f"there are {len(animations)}, from 0" if animations else "there are none"
-        raise InputError(f"animation_index: expected one of the file's animations, of which {held}; got {moment.index}")
+    count = len(animations)
+    if not count:
+        raise InputError("animation_index, animation_time: expected a file with animations, got one that has none")
+    if not 0 <= moment.index < count:
+        raise InputError(f"animation_index: expected 0..{count - 1}, as the file has {count}, got {moment.index}")
     animation, found = animations[moment.index], dict[tuple[int, str], Reals]()
     samplers = objects(animation, "samplers")
     for channel in objects(animation, "channels"):

@@ -195,9 +195,9 @@ def test_the_moment_is_chosen_by_index_and_time(tmp_path: Path, options: Any, x:
     [
         (
             {"animation_index": 2},
-            "animation_index: expected one of the file's animations, of which there are 2, from 0;",
+            "animation_index: expected 0..1, as the file has 2, got 2",
         ),
-        ({"animation_index": -1}, "of which there are 2, from 0; got -1"),
+        ({"animation_index": -1}, "animation_index: expected 0..1, as the file has 2, got -1"),
         ({"animation_index": 0.5}, "animation_index: expected a whole number, got 0.5"),
         ({"animation_index": "0"}, "animation_index: expected a whole number, got '0'"),
         ({"animation_time": math.nan}, "animation_time: expected a number of seconds, got nan"),
@@ -209,7 +209,7 @@ def test_moments_that_are_not_there_are_refused(tmp_path: Path, options: Any, sa
 
 
 def test_files_without_animations_say_so(tmp_path: Path) -> None:
-    says = "animation_index: expected one of the file's animations, of which there are none; got 0"
+    says = "animation_index, animation_time: expected a file with animations, got one that has none"
     assert says in refusal(Document(POINTS[:3]), tmp_path, animation_time=1)
     still = Scene.from_arrays(POINTS[:3], [[0, 1, 2]])
     with pytest.raises(InputError, match="animation_time: expected a glTF file among the sources"):
