@@ -1,7 +1,7 @@
 // SHADED consecutive pixels of a strip, which are shaded at once for one record. A lane that works alone has vectors, and
 // computes all their elements, covered or not. Several lanes shade pixels one by one. The code is the same: conditions are
 // chosen by `?:`, which takes vectors and numbers alike. A colour is four floats. So what makes colours of texels or of
-// corners goes pixel by pixel, and over covered ones alone.
+// corners goes pixel by pixel, over covered ones alone, and their colours are put side by side.
 #ifndef REALS_H
 #define REALS_H
 
@@ -121,14 +121,14 @@ INLINE Reals to_srgb(global const uint *textures, Reals value)
     return value > (Reals)(0.0031308f) ? 1.055f * (scale * sum) - 0.055f : 12.92f * value;
 }
 
-// The same of the red, green and blue of SHADED colours. Their alphas stay.
-INLINE void all_to_srgb(global const uint *textures, float4 colors[SHADED])
+// The same of the red, green and blue of the first `count` colours. Their alphas stay.
+INLINE void all_to_srgb(global const uint *textures, uint count, float4 colors[SHADED])
 {
 #if SHADED == 1
     colors->x = to_srgb(textures, colors->x), colors->y = to_srgb(textures, colors->y), colors->z = to_srgb(textures, colors->z);
 #else
     const Wholes channel = SHADED_COLUMNS;
-    UNROLL for (int k = 0; k < 4; ++k) {
+    for (uint k = 0; k < (4 * count + SHADED - 1) / SHADED; ++k) {
         Reals some = ((const Reals *)colors)[k];
         ((Reals *)colors)[k] = channel == (Wholes)(3) ? some : to_srgb(textures, some);
     }

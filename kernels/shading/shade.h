@@ -159,7 +159,7 @@ INLINE float alpha_of(global const Material *m, float alpha)
     return m->flags & BLENDED ? alpha * m->opacity : m->opacity;
 }
 
-// The colours of a face with a material, at these pixels; linear, and still as products.
+// The colours of a face with a material, at these pixels; linear, and side by side.
 INLINE void material_colors(const Face *f, const OnFace *place, const Shading *shading, uint bits, float4 colors[SHADED])
 {
     global const Material *m = f->material;
@@ -170,15 +170,14 @@ INLINE void material_colors(const Face *f, const OnFace *place, const Shading *s
         spot_of(f, place, &spot);
         sample_texture(shading->textures, m, &spot, bits, colors);
     }
-    for (uint left = bits; left; left &= left - 1) {
-        int k = LOWEST_SHADED(left);
-        float4 tint = scene_color(f, place, k);
+    for (; bits; bits &= bits - 1, ++colors) {
+        float4 tint = scene_color(f, place, LOWEST_SHADED(bits));
         if (!rgb) tint.x = tint.y = tint.z = 1.0f;
         if (!alpha) tint.w = 1.0f;
         float4 color = base * tint;
-        if (textured) color *= colors[k];
+        if (textured) color *= *colors;
         color.w = alpha_of(m, color.w);
-        colors[k] = color;
+        *colors = color;
     }
 }
 #endif
@@ -199,7 +198,8 @@ INLINE Reals headlight(const Face *f, const OnFace *place, float3 view)
 #endif
 
 // Colours of a record at SHADED pixels, of which those in `bits` are wanted. Returns which of these are there: where
-// texels route, those whose alpha is not 0. weight: the record's barycentric weights there, times twice its area.
+// texels route, those whose alpha is not 0. weight: the record's barycentric weights there, times twice its area. colors:
+// one for each pixel that is there, side by side.
 INLINE uint shade(const Face *f, const Reals weight[3], const Shading *shading, float3 view, uint bits, float4 colors[SHADED])
 {
     OnFace place;
@@ -208,29 +208,31 @@ INLINE uint shade(const Face *f, const Reals weight[3], const Shading *shading, 
     global const Material *m = f->material;
     if (m) {
         material_colors(f, &place, shading, bits, colors);
-        for (uint left = m->flags & ROUTED_BY_TEXELS ? bits : 0; left; left &= left - 1) {
-            int k = LOWEST_SHADED(left);
-            if (!(colors[k].w > 0.0f)) bits &= ~(1u << k);
+        if (m->flags & ROUTED_BY_TEXELS) {
+            const float4 *from = colors;
+            float4 *to = colors;
+            for (uint left = bits; left; left &= left - 1, ++from)
+                if (from->w > 0.0f) *to++ = *from;
+                else bits &= ~(left & (0u - left));
         }
-        all_to_srgb(shading->textures, colors);
+        all_to_srgb(shading->textures, POPCOUNT(bits), colors);
     } else
 #endif
-    for (uint left = bits; left; left &= left - 1) {
-        int k = LOWEST_SHADED(left);
-        colors[k] = scene_color(f, &place, k);
+    {
+        float4 *next = colors;
+        for (uint left = bits; left; left &= left - 1) *next++ = scene_color(f, &place, LOWEST_SHADED(left));
     }
 #if HEADLIGHT
     Reals lights = headlight(f, &place, view);
 #if MATERIALS
     if (m && m->flags & UNLIT) lights = (Reals)(1.0f);
 #endif
-    for (uint left = bits; left; left &= left - 1) {
-        int k = LOWEST_SHADED(left);
-        float light = ONE_OF(float, lights, k);
+    for (uint left = bits; left; left &= left - 1, ++colors) {
+        float light = ONE_OF(float, lights, LOWEST_SHADED(left));
 #ifdef LIGHT_IN_ALPHA
-        colors[k].w = light;  // translucency needs no alpha, but needs colour and light apart
+        colors->w = light;  // translucency needs no alpha, but needs colour and light apart
 #else
-        colors[k] *= (float4)(light, light, light, 1.0f);
+        *colors *= (float4)(light, light, light, 1.0f);
 #endif
     }
 #endif
@@ -260,10 +262,8 @@ OUTLINE VECTOR(int) routed(global const Triangle *t, uint record, const VECTOR(f
         place_on_face(at_samples, &face, &place);
         float4 colors[SHADED];
         material_colors(&face, &place, shading, bits, colors);
-        for (; bits; bits &= bits - 1) {
-            int k = LOWEST_SHADED(bits);
-            if (whole ? colors[k].w == 1.0f : colors[k].w > 0.0f) kept |= 1u << (first + k);
-        }
+        for (const float4 *color = colors; bits; bits &= bits - 1, ++color)
+            if (whole ? color->w == 1.0f : color->w > 0.0f) kept |= (bits & (0u - bits)) << first;
     }
     return MASK_OF(kept);
 }

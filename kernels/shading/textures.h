@@ -82,14 +82,12 @@ INLINE float4 mean_of_taps(global const uint *textures, global const uint *texel
     return a + down * (c - a);
 }
 
-// Each of these pixels by its taps of one level; or of two levels, `rest` of the way to the coarser one.
+// Each of these pixels by its taps of one level; or of two levels, `rest` of the way to the coarser one. found: one for
+// each pixel that is wanted, side by side.
 INLINE void mix_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, uint bits,
                      float4 found[SHADED])
 {
-    for (; bits; bits &= bits - 1) {
-        int k = LOWEST_SHADED(bits);
-        found[k] = mean_of_taps(textures, texels, floats, taps, k);
-    }
+    for (; bits; bits &= bits - 1) *found++ = mean_of_taps(textures, texels, floats, taps, LOWEST_SHADED(bits));
 }
 INLINE void mix_levels(global const uint *textures, global const uint *texels, bool floats, const Taps *taps,
                        const Taps *coarser, Reals rest, uint bits, float4 found[SHADED])
@@ -97,7 +95,7 @@ INLINE void mix_levels(global const uint *textures, global const uint *texels, b
     for (; bits; bits &= bits - 1) {
         int k = LOWEST_SHADED(bits);
         float4 fine = mean_of_taps(textures, texels, floats, taps, k);
-        found[k] = fine + ONE_OF(float, rest, k) * (mean_of_taps(textures, texels, floats, coarser, k) - fine);
+        *found++ = fine + ONE_OF(float, rest, k) * (mean_of_taps(textures, texels, floats, coarser, k) - fine);
     }
 }
 
@@ -176,14 +174,13 @@ INLINE void sample_texture(global const uint *textures, global const Material *m
         if (!wanted) break;
         Reals step = ((float)n + 0.5f) / count - 0.5f;
         sample_detail(textures, m, spot->u + step * along_u, spot->v + step * along_v, detail, wanted, n ? probe : found);
-        for (uint left = n ? wanted : 0; left; left &= left - 1) {
-            int k = LOWEST_SHADED(left);
-            found[k] += probe[k];
-        }
+        const float4 *next = probe;
+        for (uint left = n ? wanted : 0; left; left &= left - 1)
+            found[POPCOUNT(bits & ((1u << LOWEST_SHADED(left)) - 1))] += *next++;
     }
-    for (uint left = SHADED_BITS_OF(probes > (Wholes)(1)) & bits; left; left &= left - 1) {
+    for (uint left = bits; left; left &= left - 1, ++found) {
         int k = LOWEST_SHADED(left);
-        found[k] /= ONE_OF(float, count, k);
+        if (ONE_OF(int, probes, k) > 1) *found /= ONE_OF(float, count, k);
     }
 #else
     sample_detail(textures, m, spot->u, spot->v, 0.5f * log2_of(longest2), bits, found);

@@ -75,11 +75,12 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
         Face face;
         face_of(t, batch->pairs[place], shading, &face);
         float4 colors_there[SHADED];
+        const float4 *color = colors_there;
         for (some = shade(&face, at_samples, shading, VIEW(batch), some, colors_there); some; some &= some - 1, ++next) {
             int k = LOWEST_SHADED(some);
             fragments[next] = (ulong)ELEMENT(uint, key, first + k) << 32 | PAYLOAD(next, t);
             pixels[next] = run_pixel + first + k;
-            colors[next] = colors_there[k];
+            colors[next] = *color++;
         }
     }
 #else

@@ -333,10 +333,10 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
             Face face;
             face_of(t, batch->pairs[at], shading, &face);
             float4 colors_there[SHADED];
-            shade(&face, weight, shading, VIEW(batch), same, colors_there);
-            for (left &= ~same; same; same &= same - 1) {
-                int k = LOWEST_SHADED(same), own = first + k;
-                float4 color = colors_there[k];
+            left &= ~same, same = shade(&face, weight, shading, VIEW(batch), same, colors_there);
+            for (const float4 *next = colors_there; same; same &= same - 1, ++next) {
+                int own = first + LOWEST_SHADED(same);
+                float4 color = *next;
                 SET_ELEMENT(float, colors->red, own, color.x), SET_ELEMENT(float, colors->green, own, color.y);
                 SET_ELEMENT(float, colors->blue, own, color.z), SET_ELEMENT(float, colors->alpha, own, color.w);
             }
@@ -389,11 +389,10 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         float4 colors_there[SHADED];
         bits = shade(&face, at_samples, shading, VIEW(batch), bits, colors_there);
         there |= bits << first;
-        for (; bits; bits &= bits - 1) {
-            int k = first + LOWEST_SHADED(bits);
-            uint to = ELEMENT(uint, *places, k);
+        for (const float4 *next_color = colors_there; bits; bits &= bits - 1, ++next_color) {
+            uint to = ELEMENT(uint, *places, first + LOWEST_SHADED(bits));
             if (to >= layout->room) continue;
-            colors[to + strip_start] = colors_there[k - first];
+            colors[to + strip_start] = *next_color;
             if (sources) sources[to + strip_start] = t->source;
         }
     }
