@@ -81,6 +81,17 @@ INLINE Words words_of(global const uint *from, Words at)
 #endif
 }
 
+// The words at these places, 0 .. 15, of 16 words that begin at a multiple of 4.
+INLINE Words words_of_16(global const uint *from, Words at)
+{
+#if SHADED == 16 && __has_builtin(__builtin_ia32_permvarsi512)
+    typedef int16 Any __attribute__((aligned(16)));
+    return as_uint16(__builtin_ia32_permvarsi512(*(global const Any *)from, as_int16(at)));
+#else
+    return words_of(from, at);
+#endif
+}
+
 INLINE Wholes floor_of(Reals value)
 {
     Wholes whole = TO_WHOLES(value);
@@ -93,23 +104,13 @@ INLINE Wholes floor_of(Reals value)
 #define SRGB_SCALES 256
 #define TEXTURE_TABLES 272
 
-// The scale of each exponent, by its place in the table.
-INLINE Reals srgb_scales(global const uint *textures, Words place)
-{
-#if SHADED == 16 && __has_builtin(__builtin_ia32_permvarsf512)
-    return __builtin_ia32_permvarsf512(*(global const float16 *)(textures + SRGB_SCALES), as_int16(place));
-#else
-    return AS_REALS(words_of(textures + SRGB_SCALES, place));
-#endif
-}
-
 // Linear light 0 .. 1 as sRGB (IEC 61966-2-1). The power 5/12 is that of the exponent, from the table, times that of the
 // mantissa, a polynomial to 3e-8.
 INLINE Reals to_srgb(global const uint *textures, Reals value)
 {
     Reals x = value > (Reals)(0.0031308f) ? value : (Reals)(0.0031308f);
     Words bits = AS_WORDS(x);
-    Reals scale = srgb_scales(textures, (bits >> (Words)(23u)) & (Words)(15u));
+    Reals scale = AS_REALS(words_of_16(textures + SRGB_SCALES, (bits >> (Words)(23u)) & (Words)(15u)));
     Reals f = AS_REALS((bits & (Words)(0x7FFFFFu)) | (Words)(0x3F800000u)) - 1.5f;
     Reals sum = 0.0015331956f * f - 0.0027445413f;
     sum = sum * f + 0.0045665833f;

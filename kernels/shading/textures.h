@@ -48,7 +48,7 @@ INLINE void taps_of(global const Material *m, global const uint *starts, Reals u
     uint flags = m->flags;
     Wholes width = (Wholes)(m->width) >> level, height = (Wholes)(m->height) >> level;
     width = MAX(width, (Wholes)(1)), height = MAX(height, (Wholes)(1));
-    Words start = words_of(starts, AS_WORDS(level));
+    Words start = words_of_16(starts, AS_WORDS(level));
     const Reals zero = (Reals)(0.0f), half_texel = linear ? (Reals)(0.5f) : zero;
     Reals x = u * TO_REALS(width) - half_texel, y = v * TO_REALS(height) - half_texel;
     Wholes left = floor_of(x), top = floor_of(y), one = linear ? (Wholes)(1) : (Wholes)(0);
