@@ -58,7 +58,8 @@ def load(
     Files may be PLY, STL, OBJ, OFF, GLB, glTF or 3MF, each with or without .gz. Scene-graph transforms are applied in
     float64. Colours come from the faces, the vertices, and the materials with their textures: base colours and alpha
     modes of glTF, which are linear, and Kd, d, map_Kd and map_d of OBJ, which are display-referred, as are colours in
-    PLY, STL and OFF files. A mesh without any colour gets DEFAULT_COLOR, but a glTF mesh without a material is white.
+    PLY, STL, OFF and 3MF files. A mesh without any colour gets DEFAULT_COLOR, but a glTF mesh without a material is
+    white.
 
     color [3|4], or text such as "steelblue", replaces every rgb; with an alpha, it replaces every alpha too. opacity
     0..1 replaces every alpha. drop_duplicates: faces whose three corners lie at the same places, in any order, are
@@ -147,11 +148,15 @@ def _from_file(path: str, moment: Moment | None) -> Scene:
     with _errors_named(path), collected():
         if extension != "stl":
             check_beginning(extension, data)
+        # Readers are imported here where most files do not need them.
         if extension in GLTF:
-            # It is imported here because most files do not need it.
             from clpeel.reading.gltf import read_gltf
 
             return read_gltf(data, extension, Companions(path), moment)
+        if extension == "3mf":
+            from clpeel.reading.three_mf import three_mf
+
+            return three_mf(data)
         if extension in _READERS:
             return _READERS[extension](data, Companions(path))
     _require_reader(path, extension)
@@ -173,9 +178,8 @@ def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecor
     from clpeel.reading import losses
 
     companions = Companions(path)
-    notes = losses.found(extension, data, companions)
     loaded = trimesh.load_scene(io.BytesIO(data), file_type=extension, resolver=companions, process=False)
-    notes += losses.logged(records, told=extension in KNOWN_EXTENSIONS)
+    notes = losses.logged(records)
     notes += losses.missing(companions, notes)
     scene = from_trimesh(loaded, display_referred=extension == "dae")
     own = [note for note in scene.notes if note not in notes]
@@ -188,8 +192,6 @@ def _require_reader(path: str, extension: str) -> None:
 
     if extension in trimesh.exchange.load.mesh_formats():
         return
-    if extension in KNOWN_EXTENSIONS:
-        raise InputError(f"{path}: trimesh lacks what it needs to read .{extension}; run: pip install lxml networkx")
     came = f".{extension}" if extension else "no extension"
     raise InputError(f"{path}: expected a mesh file, one of {_known()}, got {came}")
 
