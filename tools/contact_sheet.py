@@ -80,12 +80,14 @@ def main(arguments: list[str] | None = None) -> int:
             try:
                 cells = sheet(view, Path(scratch), os.path.abspath(options.peer_python), dict(os.environ), say)
                 options.output.mkdir(parents=True, exist_ok=True)
-                write_whole(options.output / f"{view.name}.png", encoded(composed(view.title, cells)))
+                suffix, data = encoded(composed(view.title, cells))
+                path = options.output / f"{view.name}{suffix}"
+                write_whole(path, data)
             except ClpeelError as error:
                 say(f"{view.name} left out: {error}")
             else:
                 made += 1
-                say(f"{view.name}: {options.output / view.name}.png")
+                say(f"{view.name}: {path}")
     return 0 if made else 1
 
 

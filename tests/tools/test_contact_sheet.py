@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
@@ -92,12 +93,15 @@ def test_a_long_reason_stays_within_its_cell() -> None:
     assert written.any() and not (written & ~inner).any()
 
 
-def test_a_large_sheet_gets_a_palette() -> None:
+def test_a_large_sheet_is_a_jpeg_with_its_colours() -> None:
     flat = Image.new("RGB", (400, 400), (1, 2, 3))
     noise = Image.fromarray(np.random.default_rng(0).integers(0, 256, (400, 400, 3), np.uint8))
-    assert encoded(flat)[25] == 2  # the colour type of PNG: red, green and blue
-    assert 400 * 400 * 3 > MOST_BYTES
-    assert encoded(noise)[25] == 3  # a palette
+    noise.paste(RED, (8, 8, 16, 16))
+    assert encoded(flat)[0] == ".png" and 400 * 400 * 3 > MOST_BYTES
+    suffix, data = encoded(noise)
+    with Image.open(io.BytesIO(data)) as read:
+        assert (suffix, read.format) == (".jpg", "JPEG")
+        assert np.abs(np.subtract(read.getpixel((12, 12)), RED)).max() < 16
 
 
 # --- what is drawn ----------------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ GAP, LINE, TEXT = 8, 30, 18
 
 PAPER, INK, EMPTY = "white", "black", "#eeeeee"
 MOST_BYTES = 300_000
-"""A sheet with more bytes than this gets a palette of 256 colours."""
+"""A sheet that would have more bytes than this as PNG is a JPEG. A palette would lose the rare colours of marks."""
 
 
 def composed(title: str, cells: Sequence[Cell]) -> Image.Image:
@@ -42,14 +42,12 @@ def empty(why: str) -> Image.Image:
     return cell
 
 
-def encoded(page: Image.Image) -> bytes:
-    """Return the sheet as PNG, with all its colours if that is small enough."""
-    data = png(page)
-    return data if len(data) <= MOST_BYTES else png(page.quantize(256, dither=Image.Dither.NONE))
-
-
-def png(page: Image.Image) -> bytes:
-    """Return a picture as PNG."""
+def encoded(page: Image.Image) -> tuple[str, bytes]:
+    """Return the sheet's file: how its name ends, and its bytes. It is PNG if that is small enough, else JPEG."""
     file = io.BytesIO()
     page.save(file, "PNG", optimize=True)
-    return file.getvalue()
+    if len(file.getvalue()) <= MOST_BYTES:
+        return ".png", file.getvalue()
+    file = io.BytesIO()
+    page.save(file, "JPEG", quality=92, subsampling=0)
+    return ".jpg", file.getvalue()
