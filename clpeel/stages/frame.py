@@ -38,12 +38,13 @@ class Frame(Canvas):
 
     targets: Targets | None = None
 
-    def built_for(self, **features: object) -> Frame:
-        """The same frame for kernels that are compiled for other features.
+    def without_colors(self) -> Frame:
+        """The same frame for kernels of a technique that uses no colours, nor a light.
 
-        For example, a technique that uses no colours needs no headlight: headlight=False.
+        Where texels route fragments, the scene's colours are kept, as their alphas are factors of what is cut away.
         """
-        changed = replace(self.triangles.features, **features)  # type: ignore[arg-type]
+        features = self.triangles.features
+        changed = replace(features, headlight=False, color_rate=features.color_rate if features.routed else "scene")
         return replace(self, triangles=replace(self.triangles, features=changed))
 
     def once(

@@ -35,7 +35,7 @@ class LayerCount(Technique[MapOptions]):
 
     def draw(self, frame: Frame, batch: Batch, options: MapOptions) -> Drawn:
         """Needs no colours, so no fragment needs one of its own."""
-        return frame.built_for(color_rate="scene", headlight=False).once(batch, self.kernel, {})
+        return frame.without_colors().once(batch, self.kernel, {})
 
     def finish(self, picture: Picture, triangles: Triangles, background: Rgb | None, options: MapOptions) -> Finished:
         """The map, and the picture: 0 to the most layers, at least 1, along the colour map."""

@@ -122,8 +122,7 @@ class Thickness(Measuring[ThicknessOptions]):
 
     def draw(self, frame: Frame, batch: Batch, options: ThicknessOptions) -> Drawn:
         """Draws a batch. Colours are not needed, so fragments have none of their own."""
-        plain = frame.built_for(color_rate="scene", headlight=False)
-        return self.measure(plain, batch, options.variant, options.projected)
+        return self.measure(frame.without_colors(), batch, options.variant, options.projected)
 
     def finish(
         self, picture: Picture, triangles: Triangles, background: Rgb | None, options: ThicknessOptions
