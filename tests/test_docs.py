@@ -7,7 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from clpeel.command.parser import _options, make_parser
 from clpeel.device.program import kernel_folder
@@ -37,6 +39,21 @@ def test_pictures_are_there(page: Path) -> None:
     assert pictures or page.name == "drivers.md"
     for picture in pictures:
         assert (page.parent / picture).is_file(), picture
+
+
+def examples(page: Path) -> list[tuple[str, str]]:
+    """The Python examples of a page that are marked with the picture they draw: the picture, and the code."""
+    marked = r"^<!-- test: docs/(\S+) -->\n```python\n(.*?)^```"
+    return re.findall(marked, page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def test_the_example_of_materials_draws_its_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    [(picture, code)] = examples(DOCS / "materials.md")
+    monkeypatch.chdir(tmp_path)
+    exec(code, {})
+    with Image.open(DOCS / picture) as shown, Image.open(tmp_path / Path(picture).name) as drawn:
+        off = np.abs(np.asarray(shown.convert("RGB"), int) - np.asarray(drawn.convert("RGB"), int))
+    assert off.max() <= 1 and off.size > 3 * 400 * 400
 
 
 def test_every_technique_has_its_picture_section_and_row() -> None:
