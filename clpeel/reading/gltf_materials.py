@@ -189,6 +189,9 @@ class Materials:
             damaged(f"alphaMode: expected {', '.join(ALPHA_MODES)}, got {named(str(mode))}")
         red, green, blue, alpha = unit_numbers(factor, base.get(factor, [1, 1, 1, 1]), 4)
         (transmitted,) = unit_numbers("transmissionFactor", [glass.get("transmissionFactor", 0)], 1)
+        light = _light(material, metal, gloss)
+        if any(light.emissive) and "emissiveTexture" not in material:
+            self._lose("emissive colours left out", name)
         opacity = 1.0
         if transmitted:
             self._lose(f"glass drawn as transparency ({TRANSMISSION})", name)
@@ -205,7 +208,7 @@ class Materials:
             opacity,
             extension(material, UNLIT) is not None,
             not material.get("doubleSided", False),
-            _light(material, metal, gloss),
+            light,
         )
 
 

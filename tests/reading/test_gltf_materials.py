@@ -60,6 +60,12 @@ def test_the_default_material_is_white_and_single_sided(tmp_path: Path, material
     assert scene.single_sided is not None and scene.single_sided.tolist() == [True]
 
 
+def test_emissive_colors_are_noted(tmp_path: Path) -> None:
+    scene = plain(based(0, 0, 0, 1, emissiveFactor=[1, 0, 0], name="lamp")).load(tmp_path)
+    assert scene.notes == ("emissive colours left out: 'lamp'",)
+    assert plain(based(0, 0, 0, 1, emissiveFactor=[0, 0, 0])).load(tmp_path).notes == ()
+
+
 def test_double_sided_faces_are_seen_from_both_sides(tmp_path: Path) -> None:
     assert plain({"doubleSided": True}).load(tmp_path).single_sided is None
 
