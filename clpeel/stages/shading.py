@@ -91,12 +91,12 @@ def _flags(material: Material) -> int:
 
 # --- textures ---------------------------------------------------------------------------------------------------------
 
-_Key = tuple[int, bool]
+_Key = tuple[int, bool, bool]
 
 
 def _key(texture: Texture) -> _Key:
-    """Return what tells apart textures with different texels: samplers of one image share these."""
-    return id(texture.image), texture.mipmapped
+    """Return what tells apart textures with different texels: samplers of one image share these, if they have the same beyond its right edge."""
+    return id(texture.image), texture.mipmapped, texture.wrap[0] == "repeat"
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +119,13 @@ def packed_textures(materials: Sequence[Material]) -> Packed:
     starts: dict[_Key, int] = {}
     images, end = list[AnyArray](), sum(map(len, parts))
     distinct = {_key(texture): texture for texture in (m.texture for m in materials) if texture is not None}
-    texels = sum(width * height for texture in distinct.values() for width, height in level_sizes(texture))
+    texels = sum((width + 1) * height for texture in distinct.values() for width, height in level_sizes(texture))
     floats = 16 * texels <= MOST_FLOAT_BYTES
     for key, texture in distinct.items():
         starts[key] = end
         images.append(texture.image)
-        levels = [_as_floats(level) if floats else np.ascontiguousarray(level) for level in mip_map(texture)]
+        levels = [_with_neighbors(level, texture.wrap[0] == "repeat") for level in mip_map(texture)]
+        levels = [_as_floats(level) if floats else level for level in levels]
         firsts = np.zeros(LEVEL_STARTS, np.uint32)
         counts = [level.shape[0] * level.shape[1] for level in levels]
         firsts[: len(levels)] = np.cumsum([0, *counts[:-1]])
@@ -133,6 +134,11 @@ def packed_textures(materials: Sequence[Material]) -> Packed:
         parts.append(np.zeros(-words % 4, np.uint32))  # so that the next texture may be of vectors of four floats
         end += words + len(parts[-1])
     return Packed(np.concatenate(parts), starts, floats, images)
+
+
+def _with_neighbors(level: AnyArray, repeats: bool) -> AnyArray:
+    """Return a level with one more column: of each row the texel that is to the right of its last one."""
+    return np.concatenate([level, level[:, :1] if repeats else level[:, -1:]], axis=1)
 
 
 def _as_floats(level: AnyArray) -> NDArray[np.float32]:

@@ -1,8 +1,9 @@
 // Textures: what their texels are at SHADED pixels, in linear light (OpenGL 4.6, section 8.14; glTF 2.0, section 3.8.4).
 //
 //   textures   tables (shading/reals.h), then each texture: 16 words, where its levels begin behind these 16, counted in
-//              texels; then the texels of its levels, row by row from the top. A texel is 4 floats, which are linear
-//              (FLOAT_TEXELS). Of large textures it is 4 bytes, of which red, green and blue are sRGB.
+//              texels; then the texels of its levels, row by row from the top. Behind each row lies once more the texel
+//              that is to the right of its last one: the first, if it repeats, else the last. A texel is 4 floats, which
+//              are linear (FLOAT_TEXELS). Of large textures it is 4 bytes, of which red, green and blue are sRGB.
 //   level      number k of the mip map: the image halved k times
 #ifndef TEXTURES_H
 #define TEXTURES_H
@@ -36,12 +37,12 @@ INLINE Wholes at_edge(Wholes place, Wholes side, uint flags, uint mirror, uint c
     return place >= side ? (repeat ? place - side : side - (Wholes)(1)) : place;
 }
 
-// Where SHADED pixels sample a level: the places of four texels, and how far the pixel is from the first to the second,
-// and from those two to the other two.
-typedef struct { Words place[4]; Reals right, down; } Taps;
+// Where SHADED pixels sample a level: the places of two texels, each with the one to its right; and how far the pixel is
+// from the first two to the other two, and from left to right.
+typedef struct { Words upper, lower; Reals down, right; } Taps;
 
-// The four texels around (u, v) of each pixel's level, by distance. Where `linear` is 0, all four are the nearest one, so
-// that it is what their mean is.
+// The four texels around (u, v) of each pixel's level, by distance. Where `linear` is 0, it is no way from the nearest one
+// to the others, so that it is what their mean is.
 INLINE void taps_of(global const Material *m, global const uint *starts, Reals u, Reals v, Wholes level, Wholes linear,
                     Taps *taps)
 {
@@ -53,33 +54,36 @@ INLINE void taps_of(global const Material *m, global const uint *starts, Reals u
     Reals x = u * TO_REALS(width) - half_texel, y = v * TO_REALS(height) - half_texel;
     Wholes left = floor_of(x), top = floor_of(y), one = linear ? (Wholes)(1) : (Wholes)(0);
     taps->right = linear ? x - TO_REALS(left) : zero, taps->down = linear ? y - TO_REALS(top) : zero;
-    Words column = AS_WORDS(at_edge(left, width, flags, MIRROR_U, CLAMP_U));
-    Words next_column = AS_WORDS(at_edge(left + one, width, flags, MIRROR_U, CLAMP_U));
-    Words upper = start + AS_WORDS(at_edge(top, height, flags, MIRROR_V, CLAMP_V) * width);
-    Words lower = start + AS_WORDS(at_edge(top + one, height, flags, MIRROR_V, CLAMP_V) * width);
-    taps->place[0] = upper + column, taps->place[1] = upper + next_column;
-    taps->place[2] = lower + column, taps->place[3] = lower + next_column;
+    // Left of the first column lies that column again, unless it repeats.
+    if (flags & (MIRROR_U | CLAMP_U)) taps->right = left < (Wholes)(0) ? zero : taps->right;
+    Wholes stride = width + (Wholes)(1);
+    Words column = start + AS_WORDS(at_edge(left, width, flags, MIRROR_U, CLAMP_U));
+    taps->upper = column + AS_WORDS(at_edge(top, height, flags, MIRROR_V, CLAMP_V) * stride);
+    taps->lower = column + AS_WORDS(at_edge(top + one, height, flags, MIRROR_V, CLAMP_V) * stride);
 }
 
-// One texel, linear.
-INLINE float4 texel_at(global const uint *textures, global const uint *texels, bool floats, uint place)
+// A texel of bytes, linear.
+INLINE float4 decoded(global const uint *textures, uint word)
 {
-    if (floats) return ((global const float4 *)texels)[place];
-    uint word = texels[place];
     global const float *linear = (global const float *)textures;
     return (float4)(linear[word & 0xFF], linear[word >> 8 & 0xFF], linear[word >> 16 & 0xFF], UNIT_OF((float)(word >> 24)));
+}
+
+// A texel and the one to its right. Vectors usually begin at multiples of their own size.
+typedef float8 TwoTexels __attribute__((aligned(16)));
+INLINE float8 texels_at(global const uint *textures, global const uint *texels, bool floats, uint place)
+{
+    if (floats) return *(global const TwoTexels *)(texels + (size_t)4 * place);
+    return (float8)(decoded(textures, texels[place]), decoded(textures, texels[place + 1]));
 }
 
 // The mean of pixel k's four texels. a + t (b - a) is a where both are equal.
 INLINE float4 mean_of_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, int k)
 {
-    float right = ONE_OF(float, taps->right, k), down = ONE_OF(float, taps->down, k);
-    float4 a = texel_at(textures, texels, floats, ONE_OF(uint, taps->place[0], k));
-    float4 b = texel_at(textures, texels, floats, ONE_OF(uint, taps->place[1], k));
-    float4 c = texel_at(textures, texels, floats, ONE_OF(uint, taps->place[2], k));
-    float4 d = texel_at(textures, texels, floats, ONE_OF(uint, taps->place[3], k));
-    a += right * (b - a), c += right * (d - c);
-    return a + down * (c - a);
+    float8 upper = texels_at(textures, texels, floats, ONE_OF(uint, taps->upper, k));
+    float8 lower = texels_at(textures, texels, floats, ONE_OF(uint, taps->lower, k));
+    float8 both = upper + ONE_OF(float, taps->down, k) * (lower - upper);
+    return both.lo + ONE_OF(float, taps->right, k) * (both.hi - both.lo);
 }
 
 // Each of these pixels by its taps of one level; or of two levels, `rest` of the way to the coarser one. found: one for
