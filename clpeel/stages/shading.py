@@ -95,7 +95,10 @@ _Key = tuple[int, bool, bool]
 
 
 def _key(texture: Texture) -> _Key:
-    """Return what tells apart textures with different texels: samplers of one image share these, if they have the same beyond its right edge."""
+    """Return what tells apart textures with different texels.
+
+    Samplers of one image share these if they have the same beyond its right edge.
+    """
     return id(texture.image), texture.mipmapped, texture.wrap[0] == "repeat"
 
 
