@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 from twins import reference, soups
+from twins.materials import Roundings
 
 # Kernels may be compiled within an example, so no deadline; the function-scoped `lanes` and `judge` keep no state.
 settings.register_profile(
@@ -149,16 +150,41 @@ class Judge:
                 bad,
             )
 
-    def weigh(self, soup: Any, view: Any, size: tuple[int, int]) -> tuple[reference.Picture, Booleans, Floats]:
+    def weigh(
+        self, soup: Any, view: Any, size: tuple[int, int], backfaces: str = "default", anisotropy: int = 1
+    ) -> tuple[reference.Picture, Booleans, Floats]:
         """The twin's picture, the pixels [h, w] that are excused, and how far color may be off elsewhere [h, w]."""
-        twin = reference.render(soup, view, size)
-        edge = reference.edge_distance(soup, view, size, relative=EDGE_RELATIVE) <= reference.SNAP + EDGE_ROUNDING
+        twin = reference.render(soup, view, size, backfaces, anisotropy)
+        distance = reference.edge_distance(soup, view, size, relative=EDGE_RELATIVE, backfaces=backfaces)
+        edge = distance <= reference.SNAP + EDGE_ROUNDING
         tie = self.ties(twin)
         assert (twin.bound <= (3 * twin.layers + 4) * reference.UNIT).all()
         bound = twin.bound
+        if soup.face_materials is not None:
+            stray, doubtful = reference.paint_bound(
+                soup, twin, INTERPOLATION_SHIFT, INTERPOLATION_ROUNDING, PAINTING, anisotropy
+            )
+            return twin, edge | tie | doubtful, bound + stray
         if soup.vertex_colors is not None:
             bound = bound + reference.interpolation_bound(twin, INTERPOLATION_SHIFT, INTERPOLATION_ROUNDING)
         return twin, edge | tie, bound
+
+    def painted(
+        self,
+        result: Any,
+        soup: Any,
+        view: Any,
+        size: tuple[int, int],
+        background: Any = (1.0, 1.0, 1.0),
+        backfaces: str = "default",
+        anisotropy: int = 1,
+    ) -> reference.Picture:
+        """A picture of a scene with materials against the twin's, wherever it is sure what that is."""
+        twin, excused, bound = self.weigh(soup, view, size, backfaces, anisotropy)
+        assert excused.mean() < 0.2, "so much is excused that nothing is tested"
+        self.color(result, twin.color, np.where(excused, np.inf, bound))
+        self.image(result, background)
+        return twin
 
     def ties(self, twin: reference.Picture) -> Booleans:
         """Pixels where the depth does not say which layer is in front."""
@@ -202,6 +228,17 @@ INTERPOLATION_SHIFT = reference.SNAP / 64
 # Barycentric weights are products of a rounded integer and a rounded share (3 of each summed: 6 roundings at most), are
 # divided by their sum (6 + 2), and weigh three colours (5 more): below 20 roundings of a number up to 1.
 INTERPOLATION_ROUNDING = 20 * reference.UNIT
+# What else becomes of a fragment with a material, in roundings of 2^-24:
+# - a coordinate within 0..1 is rounded when it is brought there, multiplied with the image's side, and less 1/2: 3, and
+#   1 where probes lie beside it;
+# - a byte's light is rounded once, and each of 4 steps between texels, one after another, three times, of numbers up to
+#   1: 13; a mean of up to 16 probes 16 times more;
+# - a colour is a product of up to 4 numbers, of which 2 are rounded before: 6;
+# - sRGB takes 10 operations after the root's last step, of a number whose slope is at most 5/12 there: below 8 in all;
+# - a level of detail is half a logarithm by a polynomial, off by 5e-6 at most, of squares that are rounded 4 times.
+PAINTING = Roundings(
+    uv=4 * reference.UNIT, texel=29 * reference.UNIT, product=6 * reference.UNIT, srgb=8 * reference.UNIT, lod=1e-5
+)
 
 
 @pytest.fixture

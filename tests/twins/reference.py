@@ -15,6 +15,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from twins.materials import Places, Roundings, paint, paint_range
+from twins.textures import Footprint
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
@@ -37,6 +40,14 @@ class Surface(Protocol):
     def vertex_colors(self) -> NDArray[Any] | None: ...
     @property
     def color(self) -> Any: ...
+    @property
+    def materials(self) -> Any: ...
+    @property
+    def face_materials(self) -> NDArray[Any] | None: ...
+    @property
+    def uv(self) -> NDArray[Any] | None: ...
+    @property
+    def single_sided(self) -> NDArray[Any] | None: ...
 
 
 class View(Protocol):
@@ -64,6 +75,7 @@ class Projected:
     corners: Floats  # [m, 3 corners, 3] homogeneous (x, y, w), pixels once divided by w
     distance: Floats  # [m, 3 corners] view distance, along the view axis
     colors: Floats  # [m, 3 corners, 4] straight RGBA, 0..1
+    uv: Floats  # [m, 3 corners, 2] texture coordinates; zeros where the scene has none
     edges: Floats  # [m, 3, 3] edge k, opposite corner k, is zero where edges[k] . (x, y, 1) = 0
     clipping: tuple[float, float]  # nearest and farthest view distance that is drawn
     orthographic: bool
@@ -79,7 +91,9 @@ class Picture:
     pixel: Integers  # [n] row * w + column
     distance: Floats  # [n] view distance
     triangle: Integers  # [n] index into `projected`
+    rgba: Floats  # [n, 4] straight RGBA
     projected: Projected
+    cut: tuple[Integers, Integers]  # pixel and triangle of hits that a material says are not there
 
 
 def unit(vector: Floats) -> Floats:
@@ -109,8 +123,12 @@ def straight_colors(scene: Surface) -> Floats:
     return np.broadcast_to(real(scene.color), (len(faces), 3, 4)).copy()
 
 
-def project(scene: Surface, camera: View, size: tuple[int, int]) -> Projected:
-    """Bring the triangles into homogeneous screen coordinates of an image of size (width, height)."""
+def project(scene: Surface, camera: View, size: tuple[int, int], backfaces: str = "default") -> Projected:
+    """Bring the triangles into homogeneous screen coordinates of an image of size (width, height).
+
+    backfaces: which faces that are seen from behind are kept: those that have two sides, all if "visible", none if
+    "hidden".
+    """
     _, height = size
     position = np.asarray(camera.position, np.float64)
     to_focus = np.asarray(camera.focal_point, np.float64) - position
@@ -134,13 +152,26 @@ def project(scene: Surface, camera: View, size: tuple[int, int]) -> Projected:
     w = np.ones_like(distance) if camera.orthographic else distance
     homogeneous = np.stack([screen_x, screen_y, w], -1)
     edges = cross(np.roll(homogeneous, -1, axis=1), np.roll(homogeneous, -2, axis=1))
+    uv = np.zeros((len(faces), 3, 2)) if scene.uv is None else np.asarray(scene.uv, np.float64)[faces]
+    kept = np.ones(len(number), bool)
+    if backfaces == "hidden" or (backfaces == "default" and scene.single_sided is not None):
+        # Counterclockwise is the front. As y is down here, the corners' volume is negative then.
+        behind = (edges[:, 0] * homogeneous[:, 0]).sum(axis=1) > 0
+        kept = ~(behind & (True if backfaces == "hidden" else scene.single_sided[number]))
 
     if camera.clipping_range is None:
         clipping = (float(np.nextafter(0.0, 1.0)), math.inf)
     else:
         clipping = (float(camera.clipping_range[0]), float(camera.clipping_range[1]))
     return Projected(
-        number, homogeneous, distance, straight_colors(scene)[number], edges, clipping, camera.orthographic
+        number[kept],
+        homogeneous[kept],
+        distance[kept],
+        straight_colors(scene)[number][kept],
+        uv[number][kept],
+        edges[kept],
+        clipping,
+        camera.orthographic,
     )
 
 
@@ -271,15 +302,46 @@ def composite(pixel: Integers, colors: Floats, size: tuple[int, int]) -> tuple[F
     return color.reshape(height, width, 4), (steps * UNIT).reshape(height, width)
 
 
-def render(scene: Surface, camera: View, size: tuple[int, int]) -> Picture:
+def slopes(projected: Projected, triangle: Integers, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """How the barycentric weights change from pixel to pixel, along x and along y: float64 [n, 3] each, sums to 0."""
+    normal = projected.edges[triangle]
+    weights = barycentric(projected, triangle, x, y)
+    whole = normal.sum(axis=1)
+    volume = whole[:, 0] * x + whole[:, 1] * y + whole[:, 2]
+    with np.errstate(all="ignore"):
+        along_x, along_y = ((normal[..., k] - weights * whole[:, k, None]) / volume[:, None] for k in (0, 1))
+    return along_x, along_y
+
+
+def places(projected: Projected, pixel: Integers, triangle: Integers, size: tuple[int, int]) -> Places:
+    """Where hits lie on their faces."""
+    x, y = samples(pixel, size)
+    weights, uv = barycentric(projected, triangle, x, y), projected.uv[triangle]
+    along_x, along_y = (
+        (slope[:, 1:, None] * (uv[:, 1:] - uv[:, :1])).sum(axis=1) for slope in slopes(projected, triangle, x, y)
+    )
+    color = blend(weights, projected.colors[triangle])
+    return Places(projected.number[triangle], color, Footprint(blend(weights, uv), along_x, along_y))
+
+
+def render(
+    scene: Surface, camera: View, size: tuple[int, int], backfaces: str = "default", anisotropy: int = 1
+) -> Picture:
     """The exact picture of the scene; size is (width, height)."""
     width, height = size
-    projected = project(scene, camera, size)
+    projected = project(scene, camera, size, backfaces)
     pixel, triangle, distance = cast(projected, size)
-    weights = barycentric(projected, triangle, *samples(pixel, size))
-    color, bound = composite(pixel, blend(weights, projected.colors[triangle]), size)
+    cut = pixel[:0], triangle[:0]
+    if scene.face_materials is None:
+        rgba = blend(barycentric(projected, triangle, *samples(pixel, size)), projected.colors[triangle])
+    else:
+        painted = paint(scene, places(projected, pixel, triangle, size), anisotropy)
+        there = painted.there
+        cut = pixel[~there], triangle[~there]
+        pixel, triangle, distance, rgba = pixel[there], triangle[there], distance[there], painted.color[there]
+    color, bound = composite(pixel, rgba, size)
     layers = np.bincount(pixel, minlength=width * height).reshape(height, width)
-    return Picture(color, layers, bound, pixel, distance, triangle, projected)
+    return Picture(color, layers, bound, pixel, distance, triangle, rgba, projected, cut)
 
 
 def image(color: Floats, background: tuple[float, float, float] | None = (1.0, 1.0, 1.0)) -> NDArray[np.uint8]:
@@ -301,16 +363,27 @@ def levels(color: Any, background: tuple[float, float, float] | None = (1.0, 1.0
 def shifted(picture: Picture, shift: float) -> tuple[Floats, Floats, Floats, Floats]:
     """What each hit may become when its triangle's corners move by up to `shift` pixels in x and in y.
 
-    A moved triangle, interpolated at a sample p inside it, gives what the true triangle has at p - sum(weight * move):
-    some point within `shift` of p in x and in y. Distance and colour are quotients of affine functions there, so that
-    their extremes over that square lie in its corners; they never leave the range of the triangle's own corners. Where
-    the plane turns edge-on within the square, the whole of that range is returned.
-    Returns nearest [n], farthest [n] distance, least [n, 4], greatest [n, 4] straight RGBA.
+    Returns nearest [n], farthest [n] distance, least [n, 4], greatest [n, 4] straight RGBA of the scene.
     """
     height, width = picture.layers.shape
-    projected, triangle = picture.projected, picture.triangle
-    x, y = samples(picture.pixel, (width, height))
-    values = np.concatenate([projected.distance[..., None], projected.colors], axis=2)[triangle]
+    projected = picture.projected
+    values = np.concatenate([projected.distance[..., None], projected.colors], axis=2)
+    low, high = shifted_values(projected, values, picture.pixel, picture.triangle, (width, height), shift)
+    return low[:, 0], high[:, 0], low[:, 1:], high[:, 1:]
+
+
+def shifted_values(
+    projected: Projected, values: Floats, pixel: Integers, triangle: Integers, size: tuple[int, int], shift: float
+) -> tuple[Floats, Floats]:
+    """The least and the greatest values [n, c] of hits when corners move by up to `shift` pixels in x and in y.
+
+    values: [m, 3 corners, c], such as distances. A moved triangle, interpolated at a sample p inside it, gives what the
+    true triangle has at p - sum(weight * move): some point within `shift` of p in x and in y. Values are quotients of
+    affine functions there, so that their extremes over that square lie in its corners; they never leave the range of
+    the triangle's own corners. Where the plane turns edge-on within the square, the whole of that range is returned.
+    """
+    x, y = samples(pixel, size)
+    values = values[triangle]
     least, greatest = values.min(axis=1), values.max(axis=1)
     normal = projected.edges[triangle].sum(axis=1)
     middle = normal[:, 0] * x + normal[:, 1] * y + normal[:, 2]
@@ -322,25 +395,71 @@ def shifted(picture: Picture, shift: float) -> tuple[Floats, Floats, Floats, Flo
     ]
     low = np.where(edge_on[:, None], least, np.min(corners, axis=0))
     high = np.where(edge_on[:, None], greatest, np.max(corners, axis=0))
-    return low[:, 0], high[:, 0], low[:, 1:], high[:, 1:]
+    return low, high
 
 
 def interpolation_bound(picture: Picture, shift: float = SNAP, rounding: float = 20 * UNIT) -> Floats:
     """How much interpolated colours may stray when corners move by `shift` pixels: float64 [h, w].
 
+    `rounding` is what interpolating in float32 may add to each colour and alpha.
+    """
+    _, _, low, high = shifted(picture, shift)
+    return stray_bound(picture, np.maximum(high - picture.rgba, picture.rgba - low) + rounding)
+
+
+def stray_bound(picture: Picture, stray: Floats) -> Floats:
+    """How far off the picture may be if the straight RGBA of its hits is off by `stray` [n, 4]: float64 [h, w].
+
     A layer whose alpha is off by da and whose colour is off by dc moves the result by at most T (da + a dc): what lies
-    behind it is a colour between 0 and 1 too. `rounding` is what interpolating in float32 may add to each of both.
+    behind it is a colour between 0 and 1 too.
     """
     height, width = picture.layers.shape
-    weights = barycentric(picture.projected, picture.triangle, *samples(picture.pixel, (width, height)))
-    rgba = blend(weights, picture.projected.colors[picture.triangle])
-    _, _, low, high = shifted(picture, shift)
-    stray = np.maximum(high - rgba, rgba - low) + rounding
     clear, bound = np.ones(width * height), np.zeros(width * height)
     for hit, at in ranks(picture.pixel, width * height):
-        bound[at] += clear[at] * (stray[hit, 3] + rgba[hit, 3] * stray[hit, :3].max(axis=1))
-        clear[at] *= 1 - rgba[hit, 3]
+        alpha = picture.rgba[hit, 3]
+        bound[at] += clear[at] * (stray[hit, 3] + alpha * stray[hit, :3].max(axis=1))
+        clear[at] *= 1 - alpha
     return bound.reshape(height, width)
+
+
+def places_off(
+    projected: Projected, pixel: Integers, triangle: Integers, size: tuple[int, int], shift: float, rounding: float
+) -> Places:
+    """How far off `places` may be when corners move by `shift` pixels, and weights are off by `rounding`.
+
+    A slope is a sum of the corners' values, times the slopes of their weights. A corner's value is off by what the
+    plane changes within `shift`, and each product by `rounding`. Perspective doubles both: it divides by a sum that is
+    off by as much.
+    """
+    middle = places(projected, pixel, triangle, size)
+    values = np.concatenate([projected.colors, projected.uv], axis=2)
+    low, high = shifted_values(projected, values, pixel, triangle, size, shift)
+    found = np.concatenate([middle.color, middle.at.uv], axis=1)
+    largest = np.abs(values).max(axis=1)[triangle]
+    off = np.maximum(high - found, found - low) + rounding * largest
+    change = shift * (np.abs(middle.at.along_x) + np.abs(middle.at.along_y)) + rounding * largest[:, 4:]
+    along_x, along_y = (
+        2 * np.abs(slope).sum(axis=1)[:, None] * change for slope in slopes(projected, triangle, *samples(pixel, size))
+    )
+    return Places(middle.face, off[:, :4], Footprint(off[:, 4:], along_x, along_y))
+
+
+def paint_bound(
+    scene: Surface, picture: Picture, shift: float, rounding: float, roundings: Roundings, anisotropy: int = 1
+) -> tuple[Floats, Booleans]:
+    """How far off colours may be in a scene with materials, float64 [h, w], and where a hit may be there or not.
+
+    shift, rounding: as in `places_off`.
+    """
+    height, width = picture.layers.shape
+    ranges = []
+    for pixel, triangle in ((picture.pixel, picture.triangle), picture.cut):
+        hits = picture.projected, pixel, triangle, (width, height)
+        ranges.append(paint_range(scene, places(*hits), places_off(*hits, shift, rounding), roundings, anisotropy))
+    doubtful = np.zeros(width * height, bool)
+    doubtful[picture.pixel[ranges[0].doubtful]] = doubtful[picture.cut[0][ranges[1].doubtful]] = True
+    stray = np.maximum(ranges[0].high - picture.rgba, picture.rgba - ranges[0].low)
+    return stray_bound(picture, stray), doubtful.reshape(height, width)
 
 
 def near_tie(picture: Picture, relative: float = 1e-6, absolute: float = 0.0, shift: float = 0.0) -> Booleans:
@@ -409,7 +528,9 @@ def segments(projected: Projected) -> Floats:
         return outline[..., :2] / outline[..., 2:3]
 
 
-def edge_distance(scene: Surface, camera: View, size: tuple[int, int], relative: float = 0.0) -> Floats:
+def edge_distance(
+    scene: Surface, camera: View, size: tuple[int, int], relative: float = 0.0, backfaces: str = "default"
+) -> Floats:
     """How far each sample is from the nearest edge, in pixels, where that is below 1/2; else inf: float64 [h, w].
 
     The distance is max(|dx|, |dy|): rounding to 1/256 pixel moves a corner by at most 1/512 in x and in y, thus every
@@ -417,7 +538,7 @@ def edge_distance(scene: Surface, camera: View, size: tuple[int, int], relative:
     (the Euclidean distance can reach sqrt(2) / 512). `relative` is taken off, times the largest coordinate of the
     edge's ends (counted from the image's corner): what rounding the projection itself may move.
     """
-    return outline_distance(segments(project(scene, camera, size)), size, relative)
+    return outline_distance(segments(project(scene, camera, size, backfaces)), size, relative)
 
 
 def outline_distance(lines: Floats, size: tuple[int, int], relative: float = 0.0) -> Floats:

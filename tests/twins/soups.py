@@ -30,17 +30,31 @@ class Soup:
     face_colors: NDArray[Any] | None = None
     vertex_colors: NDArray[Any] | None = None
     color: NDArray[Any] | None = None
+    materials: tuple[Any, ...] = ()
+    face_materials: NDArray[np.int64] | None = None
+    uv: NDArray[np.float64] | None = None
+    single_sided: NDArray[np.bool_] | None = None
 
     def scene(self) -> clpeel.Scene:
         """The same as a clpeel.Scene."""
         import clpeel
 
-        return clpeel.Scene.from_arrays(self.vertices, self.faces, self.face_colors, self.vertex_colors, self.color)
+        return clpeel.Scene.from_arrays(
+            self.vertices,
+            self.faces,
+            self.face_colors,
+            self.vertex_colors,
+            self.color,
+            materials=self.materials,
+            face_materials=self.face_materials,
+            uv=self.uv,
+            single_sided=self.single_sided,
+        )
 
     def take(self, order: Any) -> Soup:
         """Only these faces, in this order."""
-        colors = None if self.face_colors is None else self.face_colors[order]
-        return replace(self, faces=self.faces[order], face_colors=colors)
+        names = ("faces", "face_colors", "face_materials", "single_sided")
+        return replace(self, **{name: each[order] for name in names if (each := getattr(self, name)) is not None})
 
 
 @dataclass(frozen=True)
