@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,9 @@ picture has the same bits either way."""
 
 LEVEL_STARTS = 16
 """Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
+
+_STRIP = 1 << 15
+"""Texels that are worked on at a time."""
 
 _FULL = 65535
 """Full linear light, where it is counted in whole numbers."""
@@ -112,46 +117,62 @@ class Packed:
     words: NDArray[np.uint32]
     starts: dict[_Key, int]
     floats: bool
-    images: list[AnyArray] = field(default_factory=list)
+    images: list[AnyArray]
 
 
 def packed_textures(materials: Sequence[Material]) -> Packed:
     """Return the textures of these materials, each image once."""
     scales = (2.0 ** (np.arange(-15, 1) * 5 / 12)).astype(np.float32)
-    parts: list[NDArray[np.uint32]] = [linear_of_bytes().view(np.uint32), scales.view(np.uint32)]
-    starts: dict[_Key, int] = {}
-    images, end = list[AnyArray](), sum(map(len, parts))
+    tables = np.concatenate([linear_of_bytes(), scales]).view(np.uint32)
     distinct = {_key(texture): texture for texture in (m.texture for m in materials) if texture is not None}
-    texels = sum((width + 1) * height for texture in distinct.values() for width, height in level_sizes(texture))
-    floats = 16 * texels <= MOST_FLOAT_BYTES
+    floats = 16 * sum(_level_starts(texture)[-1] for texture in distinct.values()) <= MOST_FLOAT_BYTES
+    starts: dict[_Key, int] = {}
+    end = len(tables)
     for key, texture in distinct.items():
         starts[key] = end
-        images.append(texture.image)
-        levels = [_with_neighbors(level, texture.wrap[0] == "repeat") for level in mip_map(texture)]
-        levels = [_as_floats(level) if floats else level for level in levels]
-        firsts = np.zeros(LEVEL_STARTS, np.uint32)
-        counts = [level.shape[0] * level.shape[1] for level in levels]
-        firsts[: len(levels)] = np.cumsum([0, *counts[:-1]])
-        parts += [firsts, *(level.view(np.uint32).reshape(-1) for level in levels)]
-        words = sum(map(len, parts[-len(levels) - 1 :]))
-        parts.append(np.zeros(-words % 4, np.uint32))  # so that the next texture may be of vectors of four floats
-        end += words + len(parts[-1])
-    return Packed(np.concatenate(parts), starts, floats, images)
+        words = _level_starts(texture)[-1] * (4 if floats or texture.image.dtype != np.uint8 else 1)
+        end += LEVEL_STARTS + words + -words % 4  # so that the next texture may be of vectors of four floats
+    packed = np.zeros(end, np.uint32)
+    packed[: len(tables)] = tables
+    with ThreadPoolExecutor() as pool:  # NumPy lets other threads work meanwhile
+        list(pool.map(lambda key: _fill(packed[starts[key] :], distinct[key], floats), distinct))
+    return Packed(packed, starts, floats, [texture.image for texture in distinct.values()])
 
 
-def _with_neighbors(level: AnyArray, repeats: bool) -> AnyArray:
-    """Return a level with one more column: of each row the texel that is to the right of its last one."""
-    return np.concatenate([level, level[:, :1] if repeats else level[:, -1:]], axis=1)
+def _level_starts(texture: Texture) -> list[int]:
+    """Return where each level begins, in texels, and where the last one ends. Rows have one texel more than shown."""
+    return [0, *accumulate((width + 1) * height for width, height in level_sizes(texture))]
 
 
-def _as_floats(level: AnyArray) -> NDArray[np.float32]:
-    """Return a level's texels as float32, linear: what kernels decode bytes to, to the bit."""
-    if level.dtype != np.uint8:
-        return np.ascontiguousarray(level, np.float32)
-    floats = np.empty(level.shape, np.float32)
-    floats[..., :3] = linear_of_bytes()[level[..., :3]]
-    floats[..., 3] = level[..., 3] / np.float32(255)
-    return floats
+def _fill(words: NDArray[np.uint32], texture: Texture, floats: bool) -> None:
+    """Write a texture as kernels read it: where its levels begin, then their texels.
+
+    Behind each row is the texel that is to the right of its last one: the first, if the texture repeats, else the last.
+    """
+    starts = _level_starts(texture)
+    words[: len(starts) - 1] = starts[:-1]
+    texels = words[LEVEL_STARTS:].view(np.float32 if floats or texture.image.dtype != np.uint8 else np.uint8)
+    for start, level in zip(starts, mip_map(texture), strict=False):
+        height, width = level.shape[:2]
+        rows = texels[4 * start : 4 * (start + height * (width + 1))].reshape(height, width + 1, 4)
+        if level.dtype == rows.dtype:
+            rows[:, :-1] = level
+        else:
+            _to_floats(level, rows[:, :-1])
+        rows[:, -1] = rows[:, 0] if texture.wrap[0] == "repeat" else rows[:, -2]
+
+
+def _to_floats(level: AnyArray, found: AnyArray) -> None:
+    """Write a level's bytes as float32, linear: what kernels decode bytes to, to the bit."""
+    for rows in _strips(level):
+        found[rows, :, :3] = linear_of_bytes()[level[rows, :, :3]]
+        found[rows, :, 3] = level[rows, :, 3] / np.float32(255)
+
+
+def _strips(image: AnyArray) -> Iterator[slice]:
+    """Yield runs of rows, an even number of them but for the last, that fit a cache, and little memory."""
+    step = 2 * max(_STRIP // (2 * image.shape[1]), 1)
+    yield from (slice(first, first + step) for first in range(0, len(image), step))
 
 
 def level_sizes(texture: Texture) -> list[tuple[int, int]]:
@@ -192,9 +213,11 @@ def _halved_bytes(image: AnyArray) -> AnyArray:
         both = np.concatenate([table[image[..., :3]], image[..., 3:]], axis=-1).astype(np.float64)
         means = np.rint(_box(_box(both, 0), 1) * (4, 4, 4, 1)).astype(np.uint32)
         half[..., :3], half[..., 3] = _bytes_of_sums()[means[..., :3]], means[..., 3]
-    else:
-        half[..., :3] = _bytes_of_sums()[_sums_of_four(table[image[..., :3]])]
-        half[..., 3] = (_sums_of_four(image[..., 3].astype(np.uint16)) + 2) >> 2
+        return half
+    for rows in _strips(image):
+        part = half[rows.start // 2 : rows.stop // 2]
+        part[..., :3] = _bytes_of_sums()[_sums_of_four(table[image[rows, :, :3]])]
+        part[..., 3] = (_sums_of_four(image[rows, :, 3].astype(np.uint16)) + 2) >> 2
     return half
 
 
