@@ -22,9 +22,17 @@ settings.register_profile(
 settings.register_profile("ci", settings.get_profile("clpeel"), max_examples=6, derandomize=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.get("CI") else "clpeel"))
 
+SLOW = ("test_drivers", "test_page", "test_notebook", "test_window", "test_bench", "test_oclgrind", "test_rusticl")
+"""Files that take minutes. They come first, so that no process is left with one of them when the others are done."""
+
 LANES = (1, 64)
 Booleans = NDArray[np.bool_]
 Floats = NDArray[np.float64]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Puts the tests of slow files first. All others keep their order."""
+    items.sort(key=lambda item: SLOW.index(item.path.stem) if item.path.stem in SLOW else len(SLOW))
 
 
 @pytest.fixture(params=LANES, ids=lambda lanes: f"lanes{lanes}")
