@@ -16,6 +16,10 @@
 #define BY_DEPTH 0
 #endif
 
+// Whether the nearest opaque fragment is found by its record's place in `pairs`, and not by its face. Records that hide are
+// listed behind opaque ones. So where there are any, places are not in the order of submission.
+#define BY_PLACE (FRAGMENT_COLOR & !HIDING)
+
 // Whether fragments lie in front of the opaque surface: -1, or 0 where not. With BY_DEPTH those that lie exactly on it do
 // not. source: their face.
 INLINE VECTOR(int) is_in_front(VECTOR(uint) key, uint source, VECTOR(ulong) z_far)
@@ -58,8 +62,7 @@ OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile
     VISITS((1u << TILE_BLOCKS) - 1)
     ROUTE(true)
     VECTOR(ulong) fragment = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
-    // Records that hide are listed behind opaque ones. So where there are any, places are not in the order of submission.
-    fragment |= (VECTOR(ulong))((ulong)(FRAGMENT_COLOR && !HIDING ? place : t->source));
+    fragment |= (VECTOR(ulong))((ulong)(BY_PLACE ? place : t->source));
     fragment = WIDER(covered) ? fragment : (VECTOR(ulong))(ABSENT);
 #if HIDING
     VECTOR(int) nearer = CONVERT(int, STRIP, fragment < nearest[OWN(block)]);
@@ -86,7 +89,7 @@ OUTLINE uint draw_opaque(const Batch *records, const Shading *shading, uint tile
         read_color(color, color);
         color->alpha = found ? (VECTOR(float))(0.0f) : (VECTOR(float))(1.0f);
         // The payload: from a record's place to its submission index.
-        STRIP_LOOP for (int k = 0; FRAGMENT_COLOR && !HIDING && k < STRIP; ++k)
+        STRIP_LOOP for (int k = 0; k < (BY_PLACE ? STRIP : 0); ++k)
             if (((const int *)&found)[k]) {
                 ulong *first = (ulong *)(nearest + own) + k;
                 *first = *first >> 32 << 32 | batch->triangles[batch->pairs[(uint)*first]].source;

@@ -41,7 +41,10 @@ def test_sources_are_whole_and_keep_the_rules(path):
     assert not re.search(r"\b(mix|pow|exp|log|native_\w+|half_\w+|mad|rsqrt|dot|normalize|length)\(", code)
 
 
+EVERYTHING = {"materials": True, "routed": True, "hiding": True, "levels": True, "probes": 8}
+
 # Lanes, packed colours or not, colours of what, opaque surfaces among others or not: each value with each of another.
+# Then materials: all that they need, and some of it.
 BUILDS = [
     (1, True, "face", "mixed"),
     (1, False, "face", "transparent"),
@@ -53,6 +56,13 @@ BUILDS = [
     (64, True, "face", "transparent"),
     (64, False, "scene", "transparent"),
     *((lanes, True, "face", "mixed") for lanes in (16, 32, 128)),
+]
+BUILDS = [
+    *((*build, {}) for build in BUILDS),
+    (1, False, "vertex", "mixed", EVERYTHING),
+    (64, False, "face", "mixed", EVERYTHING),
+    (1, True, "scene", "transparent", {"materials": True, "routed": True}),
+    (64, True, "scene", "mixed", {"materials": True, "levels": True}),
 ]
 
 
@@ -78,13 +88,13 @@ OTHERS = [
 
 
 @pytest.mark.parametrize(("path", "defines"), [*((path, {}) for path in FILES), *OTHERS])
-@pytest.mark.parametrize(("lanes", "packed", "rate", "surfaces"), BUILDS)
+@pytest.mark.parametrize(("lanes", "packed", "rate", "surfaces", "more"), BUILDS)
 @pytest.mark.filterwarnings("ignore::pyopencl.CompilerWarning")
-def test_every_build_is_free_of_warnings(path, defines, lanes, packed, rate, surfaces):
+def test_every_build_is_free_of_warnings(path, defines, lanes, packed, rate, surfaces, more):
     import pyopencl as cl
 
     gpu = open_device()
-    features = Features(lanes, rate, packed, rate != "face", surfaces)
+    features = Features(lanes, rate, packed, rate != "face", surfaces, **more)
     options = ["-cl-std=CL1.2", "-cl-opt-disable", *features.options()]  # warnings come before optimization
     options += [f"-D{name}={value}" for name, value in defines.items()]
     built = cl.Program(gpu.context, source(path)).build(options=options)
