@@ -120,17 +120,18 @@ def test_a_colour_is_a_product_of_light(lanes: int) -> None:
     assert np.abs(got.color[..., :3] - textures.to_srgb(textures.decoded(image)[..., :3] * base[:3])).max() <= 1e-6
 
 
-@pytest.mark.parametrize("kind", ["color", "face_colors", "vertex_colors"])
-def test_colours_of_every_kind(kind: str, judge: Judge) -> None:
+@pytest.mark.parametrize(
+    ("kind", "shape", "dtype", "lanes"),
+    [("color", (4,), np.uint8, 1), ("face_colors", (4, 4), np.float32, 64), ("vertex_colors", (8, 4), np.uint8, 64)],
+)
+def test_colours_of_every_kind(kind: str, shape: Any, dtype: Any, lanes: int, judge: Judge) -> None:
     """One for all, of faces or of vertices, bytes or floats: all are factors of the texture, and their alphas too."""
-    rng = np.random.default_rng(7)
-    shape = {"color": (4,), "face_colors": (4, 4), "vertex_colors": (8, 4)}[kind]
-    for number, colors in enumerate((rng.integers(60, 256, shape, np.uint8), rng.random(shape).astype(np.float32))):
-        blend = textured.textured(noise(8, 6, 6, [90, 255]), alpha_mode="BLEND")
-        soup = replace(layered([blend, WALL], SIZE), color=None)
-        soup = replace(soup, **{kind: colors})
-        got = render(soup, soups.pixel_view(36), SIZE, alone=True, lanes=(1, 64)[number])
-        judge.painted(got, soup, soups.pixel_view(36), SIZE)
+    colors = np.random.default_rng(7).integers(60, 256, shape, np.uint8)
+    given = colors if dtype == np.uint8 else (colors / np.float32(255)).astype(np.float32)
+    blend = textured.textured(noise(8, 6, 6, [90, 255]), alpha_mode="BLEND")
+    soup = replace(layered([blend, WALL], SIZE), **{"color": None, kind: given})
+    got = render(soup, soups.pixel_view(36), SIZE, alone=True, lanes=lanes)
+    judge.painted(got, soup, soups.pixel_view(36), SIZE)
 
 
 def test_a_material_without_a_texture(lanes: int) -> None:
