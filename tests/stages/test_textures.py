@@ -18,6 +18,7 @@ from twins.textured import facing, noise
 import clpeel
 from clpeel.scene.materials import Material
 from clpeel.scene.textures import MAGNIFY, MINIFY, WRAPS, Texture
+from clpeel.stages import shading
 from clpeel.stages.shading import mip_map
 
 if TYPE_CHECKING:
@@ -247,6 +248,24 @@ def test_textures_side_by_side(lanes: int, judge: Judge) -> None:
     ]
     soup = textured.crossing(13, 12, materials, 3.0)
     judge.painted(render(soup, BENCH, (64, 48), lanes), soup, BENCH, (64, 48))
+
+
+def test_texels_that_stay_bytes(lanes: int, judge: Judge, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large textures are not made floats before they are on the device. Nothing else changes, beside floats neither."""
+    soup = textured.crossing(
+        22,
+        10,
+        [
+            textured.textured(noise(23, 16, 12, [0, 77, 255]), minify="linear-mipmap-linear", alpha_mode="BLEND"),
+            textured.textured((noise(24, 5, 9) / 255).astype(np.float32), minify="nearest-mipmap-linear"),
+            textured.textured(noise(25, 7, 7), wrap=("clamp", "mirror"), magnify="nearest"),
+        ],
+    )
+    want = render(soup, BENCH, (64, 48), lanes)
+    monkeypatch.setattr(shading, "MOST_FLOAT_BYTES", 0)
+    got = render(soup, BENCH, (64, 48), lanes)
+    judge.same_bits(got, want)
+    assert got.stats["bytes"]["scene"] < want.stats["bytes"]["scene"]
 
 
 # --- any scene --------------------------------------------------------------------------------------------------------
