@@ -242,7 +242,8 @@ INTERPOLATION_ROUNDING = 20 * reference.UNIT
 # - a byte's light is rounded once, and each of 4 steps between texels, one after another, three times, of numbers up to
 #   1: 13; a mean of up to 16 probes 16 times more;
 # - a colour is a product of up to 4 numbers, of which 2 are rounded before: 6;
-# - sRGB takes 10 operations after the root's last step, of a number whose slope is at most 5/12 there: below 8 in all;
+# - sRGB is a polynomial to 3e-8, half a rounding, and its last step rounds twice; then a rounded scale, its product,
+#   1.055 that is rounded, its product, and a difference: below 8 in all, of numbers up to 1.2;
 # - a level of detail is half a logarithm by a polynomial, off by 5e-6 at most, of squares that are rounded 4 times.
 PAINTING = Roundings(
     uv=4 * reference.UNIT, texel=29 * reference.UNIT, product=6 * reference.UNIT, srgb=8 * reference.UNIT, lod=1e-5
