@@ -63,6 +63,8 @@ class Texture:
             raise InputError(
                 f"image: expected at most {MOST_TEXELS:,} texels a side, got {image.shape[1]:,} x {image.shape[0]:,}"
             )
+        if image.dtype == np.float32 and not (image.min() >= 0 and image.max() <= 1):
+            raise InputError(f"image: expected floats 0..1, got {image.min()} to {image.max()}")
         for each in self.wrap:
             one_of("wrap", each, WRAPS)
         one_of("magnify", self.magnify, MAGNIFY)

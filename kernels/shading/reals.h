@@ -119,7 +119,8 @@ INLINE Reals to_srgb(global const uint *textures, Reals value)
     sum = sum * f - 0.0639567152f;
     sum = sum * f + 0.3289036453f;
     sum = sum * f + 1.1840536594f;
-    return value > (Reals)(0.0031308f) ? 1.055f * (scale * sum) - 0.055f : 12.92f * value;
+    Reals curve = 1.055f * (scale * sum) - 0.055f;
+    return value > (Reals)(0.0031308f) ? MIN(curve, (Reals)(1.0f)) : 12.92f * value;  // white may miss 1 by a rounding
 }
 
 // The same of the red, green and blue of the first `count` colours. Their alphas stay.

@@ -379,3 +379,15 @@ def test_a_wide_clipping_range(lanes: int, judge: Judge) -> None:
     soup = textured.crossing(21, 5, [material])
     view, size = replace(BENCH, clipping_range=(1e-3, 1e4)), (40, 40)
     judge.painted(render(soup, view, size, lanes), soup, view, size)
+
+
+def test_white_is_one(lanes: int) -> None:
+    assert (straight(Material(), (8, 8), lanes).color == 1).all()
+
+
+@pytest.mark.parametrize("wrong", [4.0, -0.5, np.nan])
+def test_light_beyond_white_is_refused(wrong: float) -> None:
+    image = np.ones((2, 2, 4), np.float32)
+    image[1, 1, 0] = wrong
+    with pytest.raises(clpeel.InputError, match=r"image: expected floats 0\.\.1"):
+        Texture(image)
