@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from urllib.parse import unquote, unquote_to_bytes
 
 from clpeel.files import open_at_once
-from clpeel.reading.images import unusable
 
 
 class Companions:
@@ -87,19 +86,6 @@ class Companions:
             alike = [name for name in names if name.casefold() == part.casefold()]
             found = os.path.join(found, alike[0]) if alike else exact
         return found
-
-    def picture(self, name: str) -> str | None:
-        """Return why the picture behind a name cannot be a texture, for a note, or None if Pillow can open it.
-
-        If it cannot, get returns no bytes from now on, so that trimesh does not read it after all.
-        """
-        try:
-            problem = unusable(self.get(name))
-        except FileNotFoundError:
-            return self.lost[name]
-        if problem:
-            self.given[name] = b""
-        return problem
 
 
 def _regular(path: str) -> bytes:

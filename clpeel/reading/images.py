@@ -44,16 +44,6 @@ def texels(data: bytes) -> AnyArray:
         return _transcoded(data) if data.startswith(_KTX2) else _pixels(_opened(data), data)
 
 
-def unusable(data: bytes) -> str | None:
-    """Return why Pillow cannot open these bytes as a picture, for a note, or None if it can. Nothing is decoded."""
-    try:
-        with _in_words():
-            _opened(data)
-    except ValueError as error:
-        return str(error)
-    return None
-
-
 @contextmanager
 def _in_words() -> Iterator[None]:
     """Turn any error inside into a ValueError that gives the reason in words. This thread's warnings end here."""

@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from clpeel.reading.images import texels, unusable
+from clpeel.reading.images import _opened, texels
 
 Array = NDArray[Any]
 
@@ -257,7 +257,7 @@ def test_ktx2_without_its_package_says_what_to_install(monkeypatch: pytest.Monke
 def test_what_is_no_picture_gives_a_reason(data: bytes, reason: str) -> None:
     with pytest.raises(ValueError) as error:
         texels(data)
-    assert str(error.value).startswith(reason) and str(error.value) == unusable(data)
+    assert str(error.value).startswith(reason)
 
 
 def large(width: int, height: int, kind: int = GREY, depth: int = 1) -> bytes:
@@ -272,10 +272,11 @@ def test_an_image_too_large_is_refused_by_its_head() -> None:
         reason = f"too large, {width:,} x {height:,} texels; at most 16,384 x 16,384 are read"
         with pytest.raises(ValueError) as error:
             texels(large(width, height))
-        assert str(error.value) == reason == unusable(large(width, height))
+        assert str(error.value) == reason
     with pytest.raises(ValueError, match="^too large, 8,193 x 8,192 texels; at most 67,108,864 of 16 bits a channel"):
         texels(large(8193, 8192, RGB, 16))
-    assert unusable(large(16384, 16384)) is None and unusable(large(8192, 8192, RGBA, 16)) is None
+    for head in (large(16384, 16384), large(8192, 8192, RGBA, 16)):
+        _opened(head)  # as large as may be
     width = struct.pack("<I", 20000)
     with pytest.raises(ValueError, match="the image is damaged"):
         texels(UASTC[:20] + width + UASTC[24:])
