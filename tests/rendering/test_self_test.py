@@ -158,7 +158,7 @@ WRONG: list[tuple[str, str, str, Wanted, dict[str, Any]]] = [
     ("return key > b->key;", "return key >= b->key;", "depth-peeling", layers(), {}),
     ("return key > b->key;", "return key < b->key;", "dual-depth-peeling", layers(), {}),
     ("if (!BY_DEPTH) key -= a->payload > b->payload;", "", "depth-peeling", layers(), {}),
-    ("shades->red = a * p.x + b * q.x", "shades->red = b * p.x + a * q.x", "sort", layers("vertex"), {}),
+    ("a * f->color[0] + b * f->color[1]", "b * f->color[0] + a * f->color[1]", "sort", layers("vertex"), {}),
     ("AMBIENT + (1.0f - AMBIENT) * cosine", "AMBIENT + (0.99f - AMBIENT) * cosine", "sort", layers(), {"lit": True}),
     ("length += within ? passed", "length -= within ? passed", "thickness", layers(), {}),
     ("resolved->alpha = 1.0f - resolved->alpha;", "resolved->alpha = resolved->alpha;", "weighted-sum", layers(), {}),

@@ -517,10 +517,10 @@ def test_the_command_writes_pictures_and_a_file(squares: Path, tmp_path: Path, c
     assert (layers.composite() == clpeel.render(scene, camera, (40, 30)).image).all()
     assert layers.triangle[layers.start[15 * 40 + 20]] in (2, 3), "the nearer square is the first layer"
     first, second = (np.asarray(Image.open(folder / f"layer-0{k}.png").convert("RGBA")) for k in (1, 2))
-    red, white = [255, 0, 0, 255], [255, 255, 255, 255]
-    assert (first[15, 20] == red).all() and (second[15, 20] == red).all() and (first[0, 0] == white).all()
+    red, grey = [255, 0, 0, 255], [200, 204, 210, 255]  # the command puts #c8ccd2 behind
+    assert (first[15, 20] == red).all() and (second[15, 20] == red).all() and (first[0, 0] == grey).all()
     assert 0 < (second == red).all(axis=2).sum() < (first == red).all(axis=2).sum()
-    assert (first == layers.picture(0)).all()
+    assert (first == layers.picture(0, "#c8ccd2")).all()
 
 
 def test_the_command_with_alpha_and_stats(squares: Path, tmp_path: Path, capfd: Any) -> None:
