@@ -97,6 +97,12 @@ CUT, BLENDED, UNLIT, RGB_OF_SCENE, ALPHA_OF_SCENE, ROUTED_BY_TEXELS, HIDES, TEXT
 FLOAT_TEXELS, MIRROR_U, CLAMP_U, MIRROR_V, CLAMP_V = (1 << bit for bit in range(8, 13))
 MAGNIFY_LINEAR, MINIFY_LINEAR, BETWEEN_LEVELS = (1 << bit for bit in range(13, 16))
 
+SRGB_SCALES = 256
+"""Where the second table of textures begins: behind the linear light of each byte (kernels/shading/reals.h)."""
+
+LEVEL_STARTS = 16
+"""Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
+
 DepthFormat = Literal["float32-reversed", "float32", "unorm24", "rgba8"]
 DEPTH_FORMATS: tuple[DepthFormat, ...] = get_args(DepthFormat)
 """How a depth is stored. The order is that of the kernels' numbers (depth.h)."""

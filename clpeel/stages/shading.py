@@ -22,9 +22,6 @@ MOST_FLOAT_BYTES = 1 << 28
 """Texels are stored as four floats if all of them take no more bytes than this: then kernels need not decode them. The
 picture has the same bits either way."""
 
-LEVEL_STARTS = 16
-"""Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
-
 _STRIP = 1 << 15
 """Texels that are worked on at a time."""
 
@@ -131,7 +128,7 @@ def packed_textures(materials: Sequence[Material]) -> Packed:
     for key, texture in distinct.items():
         starts[key] = end
         words = _level_starts(texture)[-1] * (4 if floats or texture.image.dtype != np.uint8 else 1)
-        end += LEVEL_STARTS + words + -words % 4  # so that the next texture may be of vectors of four floats
+        end += layout.LEVEL_STARTS + words + -words % 4  # so that the next texture may be of vectors of four floats
     packed = np.zeros(end, np.uint32)
     packed[: len(tables)] = tables
     with ThreadPoolExecutor() as pool:  # NumPy lets other threads work meanwhile
@@ -151,7 +148,7 @@ def _fill(words: NDArray[np.uint32], texture: Texture, floats: bool) -> None:
     """
     starts = _level_starts(texture)
     words[: len(starts) - 1] = starts[:-1]
-    texels = words[LEVEL_STARTS:].view(np.float32 if floats or texture.image.dtype != np.uint8 else np.uint8)
+    texels = words[layout.LEVEL_STARTS :].view(np.float32 if floats or texture.image.dtype != np.uint8 else np.uint8)
     for start, level in zip(starts, mip_map(texture), strict=False):
         height, width = level.shape[:2]
         rows = texels[4 * start : 4 * (start + height * (width + 1))].reshape(height, width + 1, 4)

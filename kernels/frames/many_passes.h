@@ -51,7 +51,9 @@
 // without end.
 kernel void peel(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, Screen screen,
                  volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette,
-                 global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, uint most_passes, uint most_repeats,
+                 global const float *weights, global const float *normals, global const float *uv,
+                 global const int *material_of, global const Material *materials, global const uint *textures,
+                 uint most_passes, uint most_repeats,
                  int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals, int side_bits,
                  float red, float green, float blue, int has_background, volatile global uint *clamped,
                  global uint *image, global float4 *color, global const float *parameters, global float *values)

@@ -38,7 +38,9 @@ INLINE void put_where(VECTOR(int) here, const Colors *strip, local Colors *place
 // surface.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, Screen screen,
                  volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette,
-                 global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, uint layers_before, uint rows, uint slab,
+                 global const float *weights, global const float *normals, global const float *uv,
+                 global const int *material_of, global const Material *materials, global const uint *textures,
+                 uint layers_before, uint rows, uint slab,
                  global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
                  int side_bits, float red, float green, float blue, int has_background, volatile global uint *clamped,
                  global uint *image, global float4 *color, global const float *parameters, global float *values)

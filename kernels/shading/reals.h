@@ -101,8 +101,6 @@ INLINE Wholes floor_of(Reals value)
 // --- sRGB -----------------------------------------------------------------------------------------------------------
 // textures: begins with tables (clpeel/stages/shading.py): 256 floats, the linear light of each byte of sRGB; then 16
 // floats, 2^(5/12 e) for e = -15 .. 0.
-#define SRGB_SCALES 256
-#define TEXTURE_TABLES 272
 
 // Linear light 0 .. 1 as sRGB (IEC 61966-2-1). The power 5/12 is that of the exponent, from the table, times that of the
 // mantissa, a polynomial to 3e-8.

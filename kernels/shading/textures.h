@@ -10,8 +10,6 @@
 
 #include "shading/reals.h"
 
-#define LEVEL_STARTS 16
-
 // Where it is sampled. u, v: coordinates; u_x, v_x: by how much they grow from pixel to pixel to the right; u_y, v_y: down.
 typedef struct { Reals u, v, u_x, v_x, u_y, v_y; } Spot;
 

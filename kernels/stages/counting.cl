@@ -17,7 +17,10 @@
 //                  pixel; samples with an opaque surface; fragments of all surfaces, whatever lies in front, and those
 //                  of the deepest pixel; strips visited for transparent records, and for opaque ones; opaque records
 kernel void count_layers(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                         Screen screen, volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette, global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global const uint *chosen,
+                         Screen screen, volatile global uint *next_tile, uint to_tile, global const uint *faces,
+                         global const void *palette, global const float *weights, global const float *normals,
+                         global const float *uv, global const int *material_of, global const Material *materials,
+                         global const uint *textures, global const uint *chosen,
                          global uint *layers, global uint *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;

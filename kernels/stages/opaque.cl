@@ -7,7 +7,9 @@
 // tile_samples: how many samples of each tile have a surface.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, Screen screen,
                  volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette,
-                 global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global uint *tile_samples, int side_bits,
+                 global const float *weights, global const float *normals, global const float *uv,
+                 global const int *material_of, global const Material *materials, global const uint *textures,
+                 global uint *tile_samples, int side_bits,
                  float red, float green, float blue, int has_background, volatile global uint *clamped,
                  global uint *image, global float4 *color, global const float *parameters, global float *values)
 {

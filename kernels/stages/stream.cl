@@ -18,7 +18,9 @@
 // an opaque surface.
 kernel void draw_behind(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                         Screen screen, global const uint *faces, global const void *palette, global const float *weights,
-                        global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global ulong *z_far, global Colors *behind, global uint *tile_samples)
+                        global const float *normals, global const float *uv, global const int *material_of,
+                        global const Material *materials, global const uint *textures, global ulong *z_far,
+                        global Colors *behind, global uint *tile_samples)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
@@ -47,7 +49,9 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
                         Screen screen, uint first_tile, uint first_pixel, uint last_pixel, global const ulong *z_far,
                         global const uint *pixel_end, global const uint *tile_start, uint run_start,
                         global const uint *faces, global const void *palette, global const float *weights,
-                        global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global ulong *fragments, global uint *pixels, global float4 *colors)
+                        global const float *normals, global const float *uv, global const int *material_of,
+                        global const Material *materials, global const uint *textures, global ulong *fragments,
+                        global uint *pixels, global float4 *colors)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;

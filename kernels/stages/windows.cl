@@ -10,7 +10,11 @@
 
 // z_far: of each pixel of the tiles, where surfaces are MIXED; else NULL.
 kernel void count_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
-                            Screen screen, global const uint *faces, global const void *palette, global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global const ulong *z_far, global uint *pixel_end, global uint2 *tile_totals)
+                            Screen screen, global const uint *faces, global const void *palette,
+                            global const float *weights, global const float *normals, global const float *uv,
+                            global const int *material_of, global const Material *materials,
+                            global const uint *textures, global const ulong *z_far, global uint *pixel_end,
+                            global uint2 *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
@@ -50,7 +54,9 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
 kernel void emit_fragments(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                            Screen screen, uint window_tile, global const uint *pixel_end, global const uint *tile_start,
                            uint window_start, uint capacity, global const uint *faces, global const void *palette,
-                           global const float *weights, global const float *normals, global const float *uv, global const int *material_of, global const Material *materials, global const uint *textures, global ulong *fragments,
+                           global const float *weights, global const float *normals, global const float *uv,
+                           global const int *material_of, global const Material *materials,
+                           global const uint *textures, global ulong *fragments,
                            global float4 *colors, global uint *sources)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
