@@ -184,7 +184,8 @@ class Renderer:
         request.report(0.0, "uploading")
         if request.lit not in self._uploaded:
             scene = with_normals(self.scene) if request.lit else self.scene
-            self._uploaded[request.lit] = upload(self.gpu, scene, request.lit)
+            other = self._uploaded.get(not request.lit)
+            self._uploaded[request.lit] = upload(self.gpu, scene, request.lit, like=other)
         held = self._uploaded[request.lit]
         if self._opacity is None:
             return held

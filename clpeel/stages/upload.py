@@ -52,9 +52,10 @@ class DeviceScene:
     nbytes: int
 
 
-def upload(gpu: Workspace, scene: Scene, normals: bool = False) -> DeviceScene:
+def upload(gpu: Workspace, scene: Scene, normals: bool = False, like: DeviceScene | None = None) -> DeviceScene:
     """Puts a scene on the device. normals: with its vertex normals, if it has some.
 
+    like: a scene on the device that has the same textures. They are not copied again.
     Raises InputError when the scene has more vertices or triangles than the kernels can number (MOST_ITEMS).
     """
     most = max(len(scene.vertices), len(scene.faces))
@@ -71,10 +72,14 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False) -> DeviceScene:
         arrays["normals"] = scene.vertex_normals
     if scene.single_sided is not None:
         arrays["single_sided"] = scene.single_sided.view(np.uint8)
-    packed = None
+    packed, textures = None, None
     if scene.face_materials is not None:
-        packed = packed_textures(scene.materials)
-        arrays["material_of"], arrays["textures"] = scene.face_materials, packed.words
+        if like is None or like.packed is None:
+            packed = packed_textures(scene.materials)
+            textures = _buffers(gpu, {"textures": packed.words})["textures"]
+        else:
+            packed, textures = like.packed, like.textures
+        arrays["material_of"] = scene.face_materials
         arrays["uv"] = np.zeros((len(scene.vertices), 2), np.float32) if scene.uv is None else scene.uv
         arrays |= _of_materials(scene, packed)
     held = _buffers(gpu, arrays)
@@ -93,11 +98,11 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False) -> DeviceScene:
         uv=held.get("uv"),
         material_of=held.get("material_of"),
         materials=held.get("materials"),
-        textures=held.get("textures"),
+        textures=textures,
         packed=packed,
         single_sided=held.get("single_sided"),
         opaque_faces=held.get("opaque_faces"),
-        nbytes=sum(array.nbytes for array in arrays.values()),
+        nbytes=sum(array.nbytes for array in arrays.values()) + (0 if packed is None else packed.words.nbytes),
     )
 
 
@@ -126,7 +131,7 @@ def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
     Only these are copied. A scene that got vertices of its own for its faces is uploaded as a whole.
     """
     if len(scene.vertices) != len(held.scene.vertices):
-        return upload(gpu, scene, held.normals is not None)
+        return upload(gpu, scene, held.normals is not None, like=held)
     rate, colors = _palette(scene)
     arrays: dict[str, AnyArray] = {"palette": colors}
     if held.packed is not None:

@@ -391,3 +391,10 @@ def test_light_beyond_white_is_refused(wrong: float) -> None:
     image[1, 1, 0] = wrong
     with pytest.raises(clpeel.InputError, match=r"image: expected floats 0\.\.1"):
         Texture(image)
+
+
+def test_a_light_copies_no_texture_again() -> None:
+    renderer = clpeel.Renderer(textured.beside(facing(LEVELLED, SMALL, textured.FILL), []).scene())
+    for lighting in ("none", "headlight"):
+        renderer.render(size=SMALL, lighting=lighting)
+    assert renderer._uploaded[True].textures is renderer._uploaded[False].textures is not None
