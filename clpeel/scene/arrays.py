@@ -128,6 +128,15 @@ def as_float(colors: Colors) -> NDArray[np.float32]:
     return np.asarray(colors / np.float32(255) if colors.dtype == np.uint8 else colors, dtype=np.float32)
 
 
+def counted_alphas(alpha: Colors, below: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the distinct alphas below a bound, 0..1, and how often each occurs."""
+    if alpha.dtype == np.uint8:
+        values, counts = np.arange(256) / 255, np.bincount(alpha.reshape(-1), minlength=256)
+        return values[values < below], counts[values < below].astype(np.float64)
+    values, counts = np.unique(alpha[alpha < below].astype(np.float64), return_counts=True)
+    return values, counts.astype(np.float64)
+
+
 def _array(name: str, value: ArrayLike) -> AnyArray:
     """Return value as an array of numbers, or raise InputError."""
     try:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clpeel.checks import one_of
 from clpeel.errors import InputError
+from clpeel.scene.arrays import counted_alphas
 from clpeel.scene.textures import Texture
 
 AlphaMode = Literal["OPAQUE", "MASK", "BLEND"]
@@ -88,6 +89,23 @@ class Material:
         alpha = self.texture.image[..., 3]
         one = 255.0 if alpha.dtype == np.uint8 else 1.0
         return float(alpha.min() / one), float(alpha.max() / one)
+
+    def transparent_alphas(self, most: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the alphas below 1 that fragments may have, 0..1, and the share of each. Texels count alike.
+
+        most: the greatest alpha of the scene's colours.
+        """
+        if self.alpha_mode != "BLEND":
+            count = int(self.opacity < 1)
+            return np.full(count, self.opacity), np.ones(count)
+        tint = self.opacity * self.base_color[3] * (most if self.alpha_of_scene else 1.0)
+        texels = np.ones(1, np.float32) if self.texture is None else self.texture.image[..., 3]
+        levels, counts = counted_alphas(texels, below=1.0 if tint == 1 else 1.1)
+        low, high = self.texel_alphas
+        # Between texels there is any alpha up to the greatest one, even if no texel has it. Its share is next to none.
+        between = float(low < 1 or tint < 1) * 1e-9 / texels.size
+        values = np.append(levels * tint, min(tint * high, 1 - 2.0**-24))
+        return values, np.append(counts / texels.size, between)
 
     def kinds(self, alpha: NDArray[Any]) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
         """Return whether faces with this material are opaque, routed and hiding, as in Surfaces: bool [k] each.

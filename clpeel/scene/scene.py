@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from clpeel.errors import InputError
 from clpeel.scene.arrays import (
     DEFAULT_COLOR,
+    AnyArray,
     Colors,
     alike,
     as_float,
@@ -24,6 +25,7 @@ from clpeel.scene.arrays import (
     checked_opacity,
     checked_uv,
     checked_vertices,
+    counted_alphas,
 )
 from clpeel.scene.materials import NO_MATERIAL, Material, Surfaces, checked_materials, recolored_material
 from clpeel.scene.textures import linear
@@ -199,36 +201,37 @@ class Scene:
     def optical_depths(self) -> OpticalDepths:
         """Statistics of how much light the transparent colours absorb. Textures count with all their texels."""
         alpha = np.atleast_1d(self.colors[..., 3])
-        values, counts = _counted(alpha)
-        if self.face_materials is not None:
-            plain = self.face_materials == NO_MATERIAL
-            own = alpha[self.faces[plain]].reshape(-1) if self.vertex_colors is not None else alpha[:1]
-            own = alpha[plain] if self.face_colors is not None else own
-            found = [_counted(own)] if plain.any() else []
-            faces = np.bincount(self.face_materials[~plain], minlength=len(self.materials))
-            for material, count in zip(self.materials, faces, strict=True):
-                if count and material.alpha_mode == "BLEND":
-                    tint = float(as_float(alpha).max()) if material.alpha_of_scene else 1.0
-                    tint *= material.opacity * material.base_color[3]
-                    texels = np.ones(1, np.float32) if material.texture is None else material.texture.image[..., 3]
-                    levels, shares = _counted(texels, below=1.0 if tint == 1 else 1.1)
-                    found.append((levels * tint, shares * (count / max(texels.size, 1))))
-                    # Between texels there is any alpha up to the greatest one, even if none of them has it.
-                    most = min(tint * material.texel_alphas[1], 1 - 2.0**-24)
-                    found.append(
-                        (np.array([most]), np.array([1e-9 if material.texel_alphas[0] < 1 or tint < 1 else 0.0]))
-                    )
-                elif count and material.opacity < 1:
-                    found.append((np.array([material.opacity]), np.array([float(count)])))
-            values, counts = (
-                (np.concatenate(each) for each in zip(*found, strict=True)) if found else (values[:0], counts[:0])
-            )
+        if self.face_materials is None:
+            values, counts = counted_alphas(alpha)
+        else:
+            values, counts = self._alphas_of_materials(alpha, self.face_materials)
         if counts.sum() == 0:
             return OpticalDepths(0.0, 0.0, 0.0)
         depths = -np.log1p(-values)
         mean = float(np.average(depths, weights=counts))
         deviation = math.sqrt(float(np.average((depths - mean) ** 2, weights=counts)))
         return OpticalDepths(mean, deviation, float(values[counts > 0].max()))
+
+    def _alphas_of_materials(
+        self, alpha: AnyArray, of_faces: NDArray[np.int32]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the transparent alphas of all faces, 0..1, and how often each occurs.
+
+        alpha: of the scene's colours, [k]. of_faces: the material of each face, [m].
+        """
+        plain = of_faces == NO_MATERIAL
+        if self.vertex_colors is not None:
+            found = [counted_alphas(alpha[self.faces[plain]])]
+        else:
+            found = [counted_alphas(np.broadcast_to(alpha, plain.shape)[plain])]
+        most = float(as_float(alpha).max(initial=0.0))
+        faces = np.bincount(of_faces[~plain], minlength=len(self.materials))
+        for material, count in zip(self.materials, faces, strict=True):
+            if count:
+                values, shares = material.transparent_alphas(most)
+                found.append((values, shares * count))
+        values, counts = (np.concatenate(each) for each in zip(*found, strict=True))
+        return values, counts
 
     @property
     def colors(self) -> Colors:
@@ -267,15 +270,6 @@ class Scene:
         from clpeel.viewer.notebook import bundle
 
         return bundle(self)
-
-
-def _counted(alpha: Colors, below: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the distinct alphas below a bound, 0..1, and how often each occurs."""
-    if alpha.dtype == np.uint8:
-        values, counts = np.arange(256) / 255, np.bincount(alpha.reshape(-1), minlength=256)
-        return values[values < below], counts[values < below].astype(np.float64)
-    values, counts = np.unique(alpha[alpha < below].astype(np.float64), return_counts=True)
-    return values, counts.astype(np.float64)
 
 
 # --- several scenes in one ------------------------------------------------------------------------------------------
