@@ -119,7 +119,7 @@ class Packed:
 
 def packed_textures(materials: Sequence[Material]) -> Packed:
     """Return the textures of these materials, each image once."""
-    scales = (2.0 ** (np.arange(-15, 1) * 5 / 12)).astype(np.float32)
+    scales = (1.055 * 2.0 ** (np.arange(-15, 1) * 5 / 12)).astype(np.float32)
     tables = np.concatenate([linear_of_bytes(), scales]).view(np.uint32)
     distinct = {_key(texture): texture for texture in (m.texture for m in materials) if texture is not None}
     floats = 16 * sum(_level_starts(texture)[-1] for texture in distinct.values()) <= MOST_FLOAT_BYTES

@@ -43,7 +43,8 @@ typedef uint8 Words;
 #define SHADED_BITS_OF(truth) PASTE(bits_of, SHADED)(truth)
 #define ONE_OF(type, reals, k) (((const type *)&(reals))[k])
 #endif
-#define SHADED_BITS ((1u << SHADED) - 1)
+#define FIRST_BITS(count) ((1u << (count)) - 1)
+#define SHADED_BITS FIRST_BITS(SHADED)
 
 // Columns and rows of SHADED pixels, relative to the first.
 #if SHADED == 16
@@ -65,6 +66,17 @@ INLINE Reals square_root(Reals value)
     return root;
 }
 
+INLINE Reals least_of(Reals a, Reals b)
+{
+#if SHADED == 16 && __has_builtin(__builtin_ia32_minps512)
+    return __builtin_ia32_minps512(a, b, 4);
+#elif SHADED == 8 && __has_builtin(__builtin_ia32_minps256)
+    return __builtin_ia32_minps256(a, b);
+#else
+    return MIN(a, b);
+#endif
+}
+
 // The words at these places, which are below 2^31.
 INLINE Words words_of(global const uint *from, Words at)
 {
@@ -81,14 +93,14 @@ INLINE Words words_of(global const uint *from, Words at)
 #endif
 }
 
-// The words at these places, 0 .. 15, of 16 words that begin at a multiple of 4.
+// Of 16 words, which begin at a multiple of 4, those at these places: the low four bits of each count.
 INLINE Words words_of_16(global const uint *from, Words at)
 {
 #if SHADED == 16 && __has_builtin(__builtin_ia32_permvarsi512)
     typedef int16 Any __attribute__((aligned(16)));
     return as_uint16(__builtin_ia32_permvarsi512(*(global const Any *)from, as_int16(at)));
 #else
-    return words_of(from, at);
+    return words_of(from, at & (Words)(15u));
 #endif
 }
 
@@ -100,15 +112,14 @@ INLINE Wholes floor_of(Reals value)
 
 // --- sRGB -----------------------------------------------------------------------------------------------------------
 // textures: begins with tables (clpeel/stages/shading.py): 256 floats, the linear light of each byte of sRGB; then 16
-// floats, 2^(5/12 e) for e = -15 .. 0.
+// floats, 1.055 times 2^(5/12 e) for e = -15 .. 0.
 
 // Linear light 0 .. 1 as sRGB (IEC 61966-2-1). The power 5/12 is that of the exponent, from the table, times that of the
 // mantissa, a polynomial to 3e-8.
 INLINE Reals to_srgb(global const uint *textures, Reals value)
 {
-    Reals x = value > (Reals)(0.0031308f) ? value : (Reals)(0.0031308f);
-    Words bits = AS_WORDS(x);
-    Reals scale = AS_REALS(words_of_16(textures + SRGB_SCALES, (bits >> (Words)(23u)) & (Words)(15u)));
+    Words bits = AS_WORDS(value);
+    Reals scale = AS_REALS(words_of_16(textures + SRGB_SCALES, bits >> (Words)(23u)));
     Reals f = AS_REALS((bits & (Words)(0x7FFFFFu)) | (Words)(0x3F800000u)) - 1.5f;
     Reals sum = 0.0015331956f * f - 0.0027445413f;
     sum = sum * f + 0.0045665833f;
@@ -117,21 +128,43 @@ INLINE Reals to_srgb(global const uint *textures, Reals value)
     sum = sum * f - 0.0639567152f;
     sum = sum * f + 0.3289036453f;
     sum = sum * f + 1.1840536594f;
-    Reals curve = 1.055f * (scale * sum) - 0.055f;
-    return value > (Reals)(0.0031308f) ? MIN(curve, (Reals)(1.0f)) : 12.92f * value;  // white may miss 1 by a rounding
+    Reals curve = least_of(scale * sum - 0.055f, (Reals)(1.0f));  // white may miss 1 by a rounding
+    return value > (Reals)(0.0031308f) ? curve : 12.92f * value;
 }
 
-// The same of the red, green and blue of the first `count` colours. Their alphas stay.
-INLINE void all_to_srgb(global const uint *textures, uint count, float4 colors[SHADED])
+// --- colours --------------------------------------------------------------------------------------------------------
+// A part of SHADED colours: as many as a vector has room for, four floats each. Lanes that shade one by one have one.
+#if SHADED == 1
+#define PART_COLORS 1
+typedef float4 Part;
+#define JOINED(color, k, last) color(0)
+#define PART_CHANNELS (int4)(0, 1, 2, 3)
+#define SAME_PART(color) (color)
+#elif SHADED == 16
+#define PART_COLORS 4
+typedef float16 Part;
+#define JOINED(color, k, last) (float16)(color(k), color(MIN(k + 1, last)), color(MIN(k + 2, last)), color(MIN(k + 3, last)))
+#define PART_CHANNELS SHADED_COLUMNS
+#define SAME_PART(color) (float16)(color, color, color, color)
+#else
+#define PART_COLORS 2
+typedef float8 Part;
+#define JOINED(color, k, last) (float8)(color(k), color(MIN(k + 1, last)))
+#define PART_CHANNELS SHADED_COLUMNS
+#define SAME_PART(color) (float8)(color, color)
+#endif
+#define PARTS (SHADED / PART_COLORS)
+
+// Where the alphas are: -1, else 0.
+#define ALPHAS (PART_CHANNELS == 3)
+
+// Linear colours as sRGB. Their alphas mean nothing then.
+INLINE Part part_to_srgb(global const uint *textures, Part color)
 {
 #if SHADED == 1
-    colors->x = to_srgb(textures, colors->x), colors->y = to_srgb(textures, colors->y), colors->z = to_srgb(textures, colors->z);
+    return (float4)(to_srgb(textures, color.x), to_srgb(textures, color.y), to_srgb(textures, color.z), color.w);
 #else
-    const Wholes channel = SHADED_COLUMNS;
-    for (uint k = 0; k < (4 * count + SHADED - 1) / SHADED; ++k) {
-        Reals some = ((const Reals *)colors)[k];
-        ((Reals *)colors)[k] = channel == (Wholes)(3) ? some : to_srgb(textures, some);
-    }
+    return to_srgb(textures, color);
 #endif
 }
 

@@ -59,10 +59,21 @@ typedef struct {
 #if MATERIALS
     bool opaque;  // whether the scene's alphas at its vertices are all 1
     global const Material *material;
+    float4 base;  // the material's base colour; times the scene's colour, if that does not vary over the face
     float2 uv[3];
     float3 right, down;
 #endif
 } Face;
+
+#if MATERIALS
+// What the scene's colour contributes to a material's.
+INLINE float4 tint_of(global const Material *m, float4 color)
+{
+    if (!(m->flags & RGB_OF_SCENE)) color.x = color.y = color.z = 1.0f;
+    if (!(m->flags & ALPHA_OF_SCENE)) color.w = 1.0f;
+    return color;
+}
+#endif
 
 INLINE void face_of(global const Triangle *t, uint record, const Shading *shading, Face *f)
 {
@@ -84,7 +95,10 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
     if (COLOR_RATE_VERTEX) f->opaque = f->opaque && f->color[1].w == 1.0f && f->color[2].w == 1.0f;
     int number = shading->material_of[source];
     f->material = number < 0 ? 0 : shading->materials + number;
-    if (!f->material || !(f->material->flags & TEXTURED)) return;
+    if (!f->material) return;
+    f->base = vload4(0, f->material->base_color);
+    if (!COLOR_RATE_VERTEX) f->base *= tint_of(f->material, f->color[0]);
+    if (!(f->material->flags & TEXTURED)) return;
     f->uv[0] = vload2(vertex.x, shading->uv), f->uv[1] = vload2(vertex.y, shading->uv), f->uv[2] = vload2(vertex.z, shading->uv);
 #if LEVELS
     f->right = f->down = (float3)(0.0f);
@@ -122,15 +136,16 @@ INLINE void place_on_face(const Reals weight[3], const Face *f, OnFace *place)
 }
 
 #if MATERIALS
-// The texture coordinates there. Those of vertex j, divided by w, are linear over the screen. So they grow from pixel to
-// pixel as the shares do, less what the sum of shares grows by.
+// Where the material's texture is sampled there. The texture coordinates of vertex j, divided by w, are linear over the
+// screen. So they grow from pixel to pixel as the shares do, less what the sum of shares grows by.
 INLINE void spot_of(const Face *f, const OnFace *place, Spot *spot)
 {
     spot->u = place->share[0] * f->uv[0].x + place->share[1] * f->uv[1].x + place->share[2] * f->uv[2].x;
     spot->v = place->share[0] * f->uv[0].y + place->share[1] * f->uv[1].y + place->share[2] * f->uv[2].y;
 #if LEVELS
-    spot->u_x = (f->right.x - spot->u * f->right.z) * place->scale, spot->v_x = (f->right.y - spot->v * f->right.z) * place->scale;
-    spot->u_y = (f->down.x - spot->u * f->down.z) * place->scale, spot->v_y = (f->down.y - spot->v * f->down.z) * place->scale;
+    Reals u_x = (f->right.x - spot->u * f->right.z) * place->scale, v_x = (f->right.y - spot->v * f->right.z) * place->scale;
+    Reals u_y = (f->down.x - spot->u * f->down.z) * place->scale, v_y = (f->down.y - spot->v * f->down.z) * place->scale;
+    choose_detail(f->material, u_x, v_x, u_y, v_y, spot);
 #endif
 }
 #endif
@@ -151,41 +166,13 @@ INLINE float4 scene_color(const Face *f, const OnFace *place, int k)
 #endif
 }
 
-#if MATERIALS
-// What a fragment's alpha is: see the top. color: the product of all colours.
-INLINE float alpha_of(global const Material *m, float alpha)
+// The headlight on the face there: how much it dims colours. view: the direction that the camera looks in, of length 1.
+INLINE Reals light_on(const Face *f, const OnFace *place, float3 view)
 {
-    if (m->flags & CUT) return alpha >= m->alpha_cutoff ? m->opacity : 0.0f;
-    return m->flags & BLENDED ? alpha * m->opacity : m->opacity;
-}
-
-// The colours of a face with a material, at these pixels; linear, and side by side.
-INLINE void material_colors(const Face *f, const OnFace *place, const Shading *shading, uint bits, float4 colors[SHADED])
-{
-    global const Material *m = f->material;
-    const float4 base = (float4)(m->base_color[0], m->base_color[1], m->base_color[2], m->base_color[3]);
-    bool rgb = m->flags & RGB_OF_SCENE, alpha = m->flags & ALPHA_OF_SCENE, textured = m->flags & TEXTURED;
-    if (textured) {
-        Spot spot;
-        spot_of(f, place, &spot);
-        sample_texture(shading->textures, m, &spot, bits, colors);
-    }
-    for (; bits; bits &= bits - 1, ++colors) {
-        float4 tint = scene_color(f, place, LOWEST_SHADED(bits));
-        if (!rgb) tint.x = tint.y = tint.z = 1.0f;
-        if (!alpha) tint.w = 1.0f;
-        float4 color = base * tint;
-        if (textured) color *= *colors;
-        color.w = alpha_of(m, color.w);
-        *colors = color;
-    }
-}
-#endif
-
 #if HEADLIGHT
-// The headlight's share of the colours. view: the direction that the camera looks in, of length 1.
-INLINE Reals headlight(const Face *f, const OnFace *place, float3 view)
-{
+#if MATERIALS
+    if (f->material && f->material->flags & UNLIT) return (Reals)(1.0f);
+#endif
     Reals a = place->share[0], b = place->share[1], c = place->share[2];
     Reals n_x = a * f->normal[0].x + b * f->normal[1].x + c * f->normal[2].x;
     Reals n_y = a * f->normal[0].y + b * f->normal[1].y + c * f->normal[2].y;
@@ -194,48 +181,177 @@ INLINE Reals headlight(const Face *f, const OnFace *place, float3 view)
     Reals cosine = MIN(MAX(facing, -facing) / square_root(length2), (Reals)(1.0f));
     cosine = length2 > (Reals)(0.0f) ? cosine : (Reals)(1.0f);
     return AMBIENT + (1.0f - AMBIENT) * cosine;
+#else
+    return (Reals)(1.0f);
+#endif
+}
+
+// A colour with light on it. LIGHT_IN_ALPHA: for translucency, which needs no alpha, but needs colour and light apart.
+#ifdef LIGHT_IN_ALPHA
+#define LIT(color, light) (float4)((color).xyz, light)
+#else
+#define LIT(color, light) ((color) * (float4)(light, light, light, 1.0f))
+#endif
+
+#if MATERIALS
+// --- fragments that wait for their material -------------------------------------------------------------------------
+// Small faces cover a few pixels of a strip. What follows takes a vector for each step. So fragments of one material wait
+// here side by side, whichever records they are of, until there are enough for whole vectors. WAITING: how many may wait.
+// There is room for a vector behind them, so that whole ones can be written.
+#if SHADED == 1
+#define WAITING 1
+#define WAITING_ROOM 1
+#else
+#define WAITING (8 * SHADED)
+#define WAITING_ROOM (WAITING + SHADED)
+#endif
+typedef struct {
+    float u[WAITING_ROOM], v[WAITING_ROOM];  // and the rest of their spots (shading/textures.h)
+#if LEVELS
+    float detail[WAITING_ROOM];
+#endif
+#if PROBES > 1
+    float along_u[WAITING_ROOM], along_v[WAITING_ROOM], probes[WAITING_ROOM];
+#endif
+#if HEADLIGHT
+    float light[WAITING_ROOM];
+#endif
+    float4 tint[WAITING_ROOM];  // base_color * C
+    uint to[WAITING_ROOM];  // where their colours are wanted
+    global const Material *material;
+    uint count;
+} Waiting;
+
+// Vectors usually begin at multiples of their own size.
+#if SHADED == 1
+typedef Reals AnyReals;
+typedef Part AnyPart;
+#else
+typedef Reals AnyReals __attribute__((aligned(4)));
+typedef Part AnyPart __attribute__((aligned(16)));
+#endif
+
+// Puts the elements of these bits side by side.
+INLINE void put_together(Reals value, uint bits, float *to)
+{
+#if SHADED == 1
+    *to = value;
+#elif SHADED == 16 && __has_builtin(__builtin_ia32_compresssf512_mask)
+    *(AnyReals *)to = __builtin_ia32_compresssf512_mask(value, (Reals)(0.0f), (ushort)bits);
+#else
+    if (bits == SHADED_BITS) *(AnyReals *)to = value;
+    else
+        for (; bits; bits &= bits - 1) *to++ = ONE_OF(float, value, LOWEST_SHADED(bits));
+#endif
+}
+
+// Lets fragments wait: those of a face at these pixels. There must be room. light: on them. to: where their colours are
+// wanted.
+INLINE void let_wait(const Face *f, const OnFace *place, Reals light, uint bits, Words to, Waiting *w)
+{
+    uint end = w->count;
+    w->material = f->material, w->count += POPCOUNT(bits);
+    put_together(AS_REALS(to), bits, (float *)w->to + end);
+    if (f->material->flags & TEXTURED) {
+        Spot spot;
+        spot_of(f, place, &spot);
+        put_together(spot.u, bits, w->u + end), put_together(spot.v, bits, w->v + end);
+#if LEVELS
+        put_together(spot.detail, bits, w->detail + end);
+#endif
+#if PROBES > 1
+        put_together(spot.along_u, bits, w->along_u + end), put_together(spot.along_v, bits, w->along_v + end);
+        put_together(spot.probes, bits, w->probes + end);
+#endif
+    }
+#if HEADLIGHT
+    put_together(light, bits, w->light + end);
+#endif
+#if COLOR_RATE_VERTEX
+    for (uint left = bits; left; left &= left - 1)
+        w->tint[end++] = f->base * tint_of(f->material, scene_color(f, place, LOWEST_SHADED(left)));
+#else
+    UNROLL for (int k = 0; k < PARTS; ++k) ((AnyPart *)(w->tint + end))[k] = SAME_PART(f->base);
+#endif
+}
+
+// What a fragment's alpha is, of the product of all alphas: see the top.
+INLINE Part alpha_of(global const Material *m, Part alpha)
+{
+    const Part opacity = (Part)(m->opacity);
+    if (m->flags & CUT) return alpha >= (Part)(m->alpha_cutoff) ? opacity : (Part)(0.0f);
+    return m->flags & BLENDED ? alpha * opacity : opacity;
+}
+
+// The colours of SHADED or fewer fragments that wait, from number `first` on. shown: as they are shown; else their red,
+// green and blue mean nothing, but their alphas are the same.
+OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *textures, float4 colors[SHADED])
+{
+    global const Material *m = w->material;
+    int count = (int)MIN(w->count - first, (uint)SHADED);
+    bool textured = m->flags & TEXTURED;
+    Part texel[PARTS];
+    if (textured) {
+        Spot spot;
+        spot.u = *(const AnyReals *)(w->u + first), spot.v = *(const AnyReals *)(w->v + first);
+#if LEVELS
+        spot.detail = *(const AnyReals *)(w->detail + first);
+#endif
+#if PROBES > 1
+        spot.along_u = *(const AnyReals *)(w->along_u + first), spot.along_v = *(const AnyReals *)(w->along_v + first);
+        spot.probes = *(const AnyReals *)(w->probes + first);
+#endif
+        sample_texture(textures, m, &spot, count, texel);
+    }
+    for (int k = 0; k < count; k += PART_COLORS) {
+        Part color = *(const AnyPart *)(w->tint + first + k);
+        if (textured) color *= texel[k / PART_COLORS];
+        Part alpha = alpha_of(m, color);
+        if (shown) color = part_to_srgb(textures, color);
+        *(AnyPart *)(colors + k) = ALPHAS ? alpha : color;
+    }
+#if HEADLIGHT
+    for (int k = 0; shown && k < count; ++k) colors[k] = LIT(colors[k], w->light[first + k]);
+#endif
+}
+
+// Stores the colours of all fragments that wait, where they are wanted.
+OUTLINE void paint_all(Waiting *w, global const uint *textures, global float4 *colors)
+{
+    for (uint first = 0; first < w->count; first += SHADED) {
+        float4 painted[SHADED];
+        paint(w, first, true, textures, painted);
+        for (uint k = first; k < MIN(first + SHADED, w->count); ++k) colors[w->to[k]] = painted[k - first];
+    }
+    w->count = 0;
 }
 #endif
 
-// Colours of a record at SHADED pixels, of which those in `bits` are wanted. Returns which of these are there: where
-// texels route, those whose alpha is not 0. weight: the record's barycentric weights there, times twice its area. colors:
-// one for each pixel that is there, side by side.
-INLINE uint shade(const Face *f, const Reals weight[3], const Shading *shading, float3 view, uint bits, float4 colors[SHADED])
+// --- colours, at once -----------------------------------------------------------------------------------------------
+// Colours of a face at SHADED pixels, of which those in `bits` are wanted. Returns which of these are there: where
+// texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side.
+INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, float3 view, uint bits, float4 colors[SHADED])
 {
-    OnFace place;
-    place_on_face(weight, f, &place);
+    Reals light = light_on(f, place, view);
 #if MATERIALS
-    global const Material *m = f->material;
-    if (m) {
-        material_colors(f, &place, shading, bits, colors);
-        if (m->flags & ROUTED_BY_TEXELS) {
+    if (f->material) {
+        Waiting waiting;
+        waiting.count = 0;
+        let_wait(f, place, light, bits, (Words)(0), &waiting);
+        paint(&waiting, 0, true, shading->textures, colors);
+        if (f->material->flags & ROUTED_BY_TEXELS) {
             const float4 *from = colors;
-            float4 *to = colors;
             for (uint left = bits; left; left &= left - 1, ++from)
-                if (from->w > 0.0f) *to++ = *from;
+                if (from->w > 0.0f) *colors++ = *from;
                 else bits &= ~(left & (0u - left));
         }
-        all_to_srgb(shading->textures, POPCOUNT(bits), colors);
-    } else
-#endif
-    {
-        float4 *next = colors;
-        for (uint left = bits; left; left &= left - 1) *next++ = scene_color(f, &place, LOWEST_SHADED(left));
+        return bits;
     }
-#if HEADLIGHT
-    Reals lights = headlight(f, &place, view);
-#if MATERIALS
-    if (m && m->flags & UNLIT) lights = (Reals)(1.0f);
 #endif
     for (uint left = bits; left; left &= left - 1, ++colors) {
-        float light = ONE_OF(float, lights, LOWEST_SHADED(left));
-#ifdef LIGHT_IN_ALPHA
-        colors->w = light;  // translucency needs no alpha, but needs colour and light apart
-#else
-        *colors *= (float4)(light, light, light, 1.0f);
-#endif
+        *colors = scene_color(f, place, LOWEST_SHADED(left));
+        if (HEADLIGHT) *colors = LIT(*colors, ONE_OF(float, light, LOWEST_SHADED(left)));
     }
-#endif
     return bits;
 }
 
@@ -260,8 +376,11 @@ OUTLINE VECTOR(int) routed(global const Triangle *t, uint record, const VECTOR(f
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         OnFace place;
         place_on_face(at_samples, &face, &place);
+        Waiting waiting;
+        waiting.count = 0;
+        let_wait(&face, &place, (Reals)(1.0f), bits, (Words)(0), &waiting);
         float4 colors[SHADED];
-        material_colors(&face, &place, shading, bits, colors);
+        paint(&waiting, 0, false, shading->textures, colors);
         for (const float4 *color = colors; bits; bits &= bits - 1, ++color)
             if (whole ? color->w == 1.0f : color->w > 0.0f) kept |= (bits & (0u - bits)) << first;
     }

@@ -10,9 +10,6 @@
 
 #include "shading/reals.h"
 
-// Where it is sampled. u, v: coordinates; u_x, v_x: by how much they grow from pixel to pixel to the right; u_y, v_y: down.
-typedef struct { Reals u, v, u_x, v_x, u_y, v_y; } Spot;
-
 // --- one level ------------------------------------------------------------------------------------------------------
 // A coordinate within 0 .. 1 that shows the same, whatever is beyond. Outside of 2^23 float32 has no fractions.
 INLINE Reals wrapped(Reals u, uint flags, uint mirror, uint clamp)
@@ -84,21 +81,28 @@ INLINE float4 mean_of_taps(global const uint *textures, global const uint *texel
     return both.lo + ONE_OF(float, taps->right, k) * (both.hi - both.lo);
 }
 
-// Each of these pixels by its taps of one level; or of two levels, `rest` of the way to the coarser one. found: one for
-// each pixel that is wanted, side by side.
-INLINE void mix_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, uint bits,
-                     float4 found[SHADED])
+// The mean of the texels of pixel k in both levels, `rest` of the way to the coarser one.
+INLINE float4 mean_of_levels(global const uint *textures, global const uint *texels, bool floats, const Taps *taps,
+                             const Taps *coarser, const Reals *rest, int k)
 {
-    for (; bits; bits &= bits - 1) *found++ = mean_of_taps(textures, texels, floats, taps, LOWEST_SHADED(bits));
+    float4 fine = mean_of_taps(textures, texels, floats, taps, k);
+    return fine + ONE_OF(float, *rest, k) * (mean_of_taps(textures, texels, floats, coarser, k) - fine);
+}
+
+// The first `count` pixels by their taps of one level; or of two levels. Behind the last one it is repeated.
+INLINE void mix_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, int count,
+                     Part found[PARTS])
+{
+#define COLOR(k) mean_of_taps(textures, texels, floats, taps, k)
+    for (int k = 0; k < count; k += PART_COLORS) *found++ = JOINED(COLOR, k, count - 1);
+#undef COLOR
 }
 INLINE void mix_levels(global const uint *textures, global const uint *texels, bool floats, const Taps *taps,
-                       const Taps *coarser, Reals rest, uint bits, float4 found[SHADED])
+                       const Taps *coarser, Reals rest, int count, Part found[PARTS])
 {
-    for (; bits; bits &= bits - 1) {
-        int k = LOWEST_SHADED(bits);
-        float4 fine = mean_of_taps(textures, texels, floats, taps, k);
-        *found++ = fine + ONE_OF(float, rest, k) * (mean_of_taps(textures, texels, floats, coarser, k) - fine);
-    }
+#define COLOR(k) mean_of_levels(textures, texels, floats, taps, coarser, &rest, k)
+    for (int k = 0; k < count; k += PART_COLORS) *found++ = JOINED(COLOR, k, count - 1);
+#undef COLOR
 }
 
 // --- levels ---------------------------------------------------------------------------------------------------------
@@ -116,9 +120,9 @@ INLINE Reals log2_of(Reals value)
     return exponent + sum * f;
 }
 
-// The image at a spot, by level of detail: level 0 where `detail` is 0 or less. bits: the pixels that are wanted.
-INLINE void sample_detail(global const uint *textures, global const Material *m, Reals u, Reals v, Reals detail, uint bits,
-                          float4 found[SHADED])
+// The image at (u, v), by level of detail: level 0 where `detail` is 0 or less. count: how many pixels are wanted.
+INLINE void sample_detail(global const uint *textures, global const Material *m, Reals u, Reals v, Reals detail, int count,
+                          Part found[PARTS])
 {
     const Reals zero = (Reals)(0.0f);
     global const uint *starts = textures + m->texture, *texels = starts + LEVEL_STARTS;
@@ -137,58 +141,74 @@ INLINE void sample_detail(global const uint *textures, global const Material *m,
         level += rest > (Reals)(0.5f) ? (Wholes)(1) : (Wholes)(0);
         rest = zero;
     }
-    uint both = SHADED_BITS_OF(rest > zero) & bits;
+    uint both = SHADED_BITS_OF(rest > zero) & FIRST_BITS(count);
 #endif
     taps_of(m, starts, u, v, level, linear, &taps);
 #if LEVELS
     if (both) {
         Taps coarser;
         taps_of(m, starts, u, v, MIN(level + (Wholes)(1), (Wholes)(m->last_level)), linear, &coarser);
-        if (floats) mix_levels(textures, texels, true, &taps, &coarser, rest, bits, found);
-        else mix_levels(textures, texels, false, &taps, &coarser, rest, bits, found);
+        if (floats) mix_levels(textures, texels, true, &taps, &coarser, rest, count, found);
+        else mix_levels(textures, texels, false, &taps, &coarser, rest, count, found);
         return;
     }
 #endif
-    if (floats) mix_taps(textures, texels, true, &taps, bits, found);
-    else mix_taps(textures, texels, false, &taps, bits, found);
+    if (floats) mix_taps(textures, texels, true, &taps, count, found);
+    else mix_taps(textures, texels, false, &taps, count, found);
 }
 
-// The texture of a material at a spot, for these pixels. PROBES: the most probes along a pixel's longer side
-// (EXT_texture_filter_anisotropic).
-INLINE void sample_texture(global const uint *textures, global const Material *m, const Spot *spot, uint bits, float4 found[SHADED])
-{
+// --- where a texture is sampled -------------------------------------------------------------------------------------
+// u, v: coordinates. detail: the level of detail. along_u, along_v: by how much u and v grow along a pixel's longer side,
+// where so many `probes` lie (EXT_texture_filter_anisotropic).
+typedef struct {
+    Reals u, v;
 #if LEVELS
+    Reals detail;
+#endif
+#if PROBES > 1
+    Reals along_u, along_v, probes;
+#endif
+} Spot;
+
+#if LEVELS
+// Finds level of detail and probes. u_x, v_x: by how much u and v grow from pixel to pixel to the right; u_y, v_y: down.
+INLINE void choose_detail(global const Material *m, Reals u_x, Reals v_x, Reals u_y, Reals v_y, Spot *spot)
+{
     float width = m->width, height = m->height;
-    Reals across = spot->u_x * width, down = spot->v_x * height, x2 = across * across + down * down;
-    across = spot->u_y * width, down = spot->v_y * height;
+    Reals across = u_x * width, down = v_x * height, x2 = across * across + down * down;
+    across = u_y * width, down = v_y * height;
     Reals y2 = across * across + down * down, longest2 = MAX(x2, y2);
 #if PROBES > 1
-    Reals shortest2 = MIN(x2, y2), ratio2 = longest2 / shortest2;
+    Reals shortest2 = MIN(x2, y2), ratio2 = longest2 / shortest2, probes = (Reals)(1.0f);
     // The number of probes is the ratio, rounded up. Its square is compared, as that needs no root.
-    Wholes probes = (Wholes)(1);
-    for (int n = 1; n < PROBES; ++n) probes += ratio2 > (Reals)((float)(n * n)) ? (Wholes)(1) : (Wholes)(0);
-    Reals count = TO_REALS(probes), detail = 0.5f * log2_of(longest2 / (count * count));
+    for (int n = 1; n < PROBES; ++n) probes += ratio2 > (Reals)((float)(n * n)) ? (Reals)(1.0f) : (Reals)(0.0f);
     Wholes x_longer = x2 > y2 ? (Wholes)(-1) : (Wholes)(0);
-    Reals along_u = x_longer ? spot->u_x : spot->u_y, along_v = x_longer ? spot->v_x : spot->v_y;
-    float4 probe[SHADED];
-    for (int n = 0; n < PROBES; ++n) {
-        uint wanted = SHADED_BITS_OF(probes > (Wholes)(n)) & bits;
-        if (!wanted) break;
-        Reals step = ((float)n + 0.5f) / count - 0.5f;
-        sample_detail(textures, m, spot->u + step * along_u, spot->v + step * along_v, detail, wanted, n ? probe : found);
-        const float4 *next = probe;
-        for (uint left = n ? wanted : 0; left; left &= left - 1)
-            found[POPCOUNT(bits & ((1u << LOWEST_SHADED(left)) - 1))] += *next++;
-    }
-    for (uint left = bits; left; left &= left - 1, ++found) {
-        int k = LOWEST_SHADED(left);
-        if (ONE_OF(int, probes, k) > 1) *found /= ONE_OF(float, count, k);
-    }
-#else
-    sample_detail(textures, m, spot->u, spot->v, 0.5f * log2_of(longest2), bits, found);
+    spot->along_u = x_longer ? u_x : u_y, spot->along_v = x_longer ? v_x : v_y, spot->probes = probes;
+    longest2 /= probes * probes;
 #endif
+    spot->detail = 0.5f * log2_of(longest2);
+}
+#endif
+
+// The texture of a material at the first `count` pixels. PROBES: the most probes of a pixel.
+INLINE void sample_texture(global const uint *textures, global const Material *m, const Spot *spot, int count, Part found[PARTS])
+{
+#if PROBES > 1
+    Part probe[PARTS];
+    for (int n = 0; n < PROBES; ++n) {
+        if (!(SHADED_BITS_OF(spot->probes > (Reals)((float)n)) & FIRST_BITS(count))) break;
+        Reals step = ((float)n + 0.5f) / spot->probes - 0.5f;
+        sample_detail(textures, m, spot->u + step * spot->along_u, spot->v + step * spot->along_v, spot->detail, count,
+                      n ? probe : found);
+        for (int k = 0; n && k < count; ++k)
+            if (ONE_OF(float, spot->probes, k) > (float)n) ((float4 *)found)[k] += ((const float4 *)probe)[k];
+    }
+    for (int k = 0; k < count; ++k)
+        if (ONE_OF(float, spot->probes, k) > 1.0f) ((float4 *)found)[k] /= ONE_OF(float, spot->probes, k);
+#elif LEVELS
+    sample_detail(textures, m, spot->u, spot->v, spot->detail, count, found);
 #else
-    sample_detail(textures, m, spot->u, spot->v, (Reals)(0.0f), bits, found);
+    sample_detail(textures, m, spot->u, spot->v, (Reals)(0.0f), count, found);
 #endif
 }
 

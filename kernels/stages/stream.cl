@@ -78,9 +78,11 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         Face face;
         face_of(t, batch->pairs[place], shading, &face);
+        OnFace on_face;
+        place_on_face(at_samples, &face, &on_face);
         float4 colors_there[SHADED];
         const float4 *color = colors_there;
-        for (some = shade(&face, at_samples, shading, VIEW(batch), some, colors_there); some; some &= some - 1, ++next) {
+        for (some = shade(&face, &on_face, shading, VIEW(batch), some, colors_there); some; some &= some - 1, ++next) {
             int k = LOWEST_SHADED(some);
             fragments[next] = (ulong)ELEMENT(uint, key, first + k) << 32 | PAYLOAD(next, t);
             pixels[next] = run_pixel + first + k;

@@ -332,8 +332,10 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
             weights_at(t, x, y, weight);
             Face face;
             face_of(t, batch->pairs[at], shading, &face);
+            OnFace on_face;
+            place_on_face(weight, &face, &on_face);
             float4 colors_there[SHADED];
-            left &= ~same, same = shade(&face, weight, shading, VIEW(batch), same, colors_there);
+            left &= ~same, same = shade(&face, &on_face, shading, VIEW(batch), same, colors_there);
             for (const float4 *next = colors_there; same; same &= same - 1, ++next) {
                 int own = first + LOWEST_SHADED(same);
                 float4 color = *next;
@@ -371,6 +373,10 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     Face face;
     uint prepared = ~0u;  // the place of the record whose face it is
 #endif
+#if MATERIALS && LANES == 1
+    Waiting waiting;
+    waiting.count = 0, waiting.material = 0;
+#endif
     VISITS(blocks)
     VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
 #if MIXED
@@ -379,25 +385,40 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     VECTOR(uint) *places = next + OWN(block);
     uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
 #if FRAGMENT_COLOR
-    uint all = BITS_OF(covered), there = 0;
+    uint all = BITS_OF(covered), there = all;
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
+    VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
     for (int first = 0; first < STRIP; first += SHADED) {
         uint bits = all >> first & SHADED_BITS;
         if (!bits) continue;
         Reals at_samples[3];
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
+        OnFace on_face;
+        place_on_face(at_samples, &face, &on_face);
+#if MATERIALS && LANES == 1
+        if (face.material && !(face.material->flags & ROUTED_BY_TEXELS)) {
+            if (face.material != waiting.material || waiting.count > WAITING - SHADED)
+                paint_all(&waiting, shading->textures, colors);
+            bits &= BITS_OF(*places < (VECTOR(uint))(layout->room)) >> first;
+            Words to = ((const Words *)&own)[first / SHADED];
+            let_wait(&face, &on_face, light_on(&face, &on_face, VIEW(batch)), bits, to, &waiting);
+            continue;
+        }
+#endif
         float4 colors_there[SHADED];
-        bits = shade(&face, at_samples, shading, VIEW(batch), bits, colors_there);
-        there |= bits << first;
-        for (const float4 *next_color = colors_there; bits; bits &= bits - 1, ++next_color) {
-            uint to = ELEMENT(uint, *places, first + LOWEST_SHADED(bits));
-            if (to >= layout->room) continue;
-            colors[to + strip_start] = *next_color;
-            if (sources) sources[to + strip_start] = t->source;
+        uint seen = shade(&face, &on_face, shading, VIEW(batch), bits, colors_there);
+        there &= ~((bits & ~seen) << first);
+        for (const float4 *next_color = colors_there; seen; seen &= seen - 1, ++next_color) {
+            uint k = first + LOWEST_SHADED(seen);
+            if (ELEMENT(uint, *places, k) < layout->room) colors[ELEMENT(uint, own, k)] = *next_color;
         }
     }
+    for (uint left = sources ? there : 0; left; left &= left - 1) {
+        uint k = LOWEST_BIT(left);
+        if (ELEMENT(uint, *places, k) < layout->room) sources[ELEMENT(uint, own, k)] = t->source;
+    }
     if (ROUTED) covered = MASK_OF(there);
-    VECTOR(uint) to = *places, own = to + (VECTOR(uint))(strip_start);
+    VECTOR(uint) to = *places;
     value |= CONVERT(ulong, STRIP, PAYLOADS_OF(own, t));
     *places += PASTE(as_, VECTOR(uint))(covered) & layout->step;
     scatter(fragments + strip_start, to, covered & (to < (VECTOR(uint))(layout->room)), value);
@@ -408,6 +429,9 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     scatter(fragments + strip_start, to, covered & (to < (VECTOR(uint))(layout->room)), value);
 #endif
     END_VISITS
+#if MATERIALS && LANES == 1
+    paint_all(&waiting, shading->textures, colors);
+#endif
 }
 
 #endif
