@@ -104,10 +104,17 @@ INLINE Words words_of_16(global const uint *from, Words at)
 #endif
 }
 
-INLINE Wholes floor_of(Reals value)
+// The greatest whole number that is not above. It fits 24 bits.
+INLINE Reals floor_of(Reals value)
 {
-    Wholes whole = TO_WHOLES(value);
-    return whole - (value < TO_REALS(whole) ? (Wholes)(1) : (Wholes)(0));
+#if SHADED == 16 && __has_builtin(__builtin_ia32_rndscaleps_mask)
+    return __builtin_ia32_rndscaleps_mask(value, 1, value, (ushort)0xFFFF, 4);
+#elif SHADED == 8 && __has_builtin(__builtin_ia32_roundps256)
+    return __builtin_ia32_roundps256(value, 1);
+#else
+    Reals whole = TO_REALS(TO_WHOLES(value));
+    return whole - (value < whole ? (Reals)(1.0f) : (Reals)(0.0f));
+#endif
 }
 
 // --- sRGB -----------------------------------------------------------------------------------------------------------

@@ -96,24 +96,46 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
     int number = shading->material_of[source];
     f->material = number < 0 ? 0 : shading->materials + number;
     if (!f->material) return;
-    f->base = vload4(0, f->material->base_color);
+    global const float *base = f->material->base_color;
+    f->base = (float4)(base[0], base[1], base[2], base[3]);
     if (!COLOR_RATE_VERTEX) f->base *= tint_of(f->material, f->color[0]);
     if (!(f->material->flags & TEXTURED)) return;
-    f->uv[0] = vload2(vertex.x, shading->uv), f->uv[1] = vload2(vertex.y, shading->uv), f->uv[2] = vload2(vertex.z, shading->uv);
+    global const float2 *uv = (global const float2 *)shading->uv;
+    f->uv[0] = uv[vertex.x], f->uv[1] = uv[vertex.y], f->uv[2] = uv[vertex.z];
 #if LEVELS
-    f->right = f->down = (float3)(0.0f);
-    for (int j = 0; j < 3; ++j) {
-        float right = 0.0f, down = 0.0f;
-        for (int c = 0; c < 3; ++c) {
-            int a = c < 2 ? c + 1 : 0, b = c > 0 ? c - 1 : 2;
-            float part = f->weight[3 * c + j] * (float)SUBPIXELS;
-            right -= (float)(t->y[b] - t->y[a]) * part, down += (float)(t->x[b] - t->x[a]) * part;
-        }
-        float3 at = (float3)(f->uv[j].x, f->uv[j].y, 1.0f);
-        f->right += right * at, f->down += down * at;
+    float4 right = (float4)(0.0f), down = right;  // of the unscaled shares
+    UNROLL for (int c = 0; c < 3; ++c) {
+        int a = c < 2 ? c + 1 : 0, b = c > 0 ? c - 1 : 2;
+        float4 part = (float4)(f->weight[3 * c], f->weight[3 * c + 1], f->weight[3 * c + 2], 0.0f) * (float)SUBPIXELS;
+        right -= (float)(t->y[b] - t->y[a]) * part, down += (float)(t->x[b] - t->x[a]) * part;
     }
+    float3 at[3];
+    UNROLL for (int j = 0; j < 3; ++j) at[j] = (float3)(f->uv[j], 1.0f);
+    f->right = right.x * at[0] + right.y * at[1] + right.z * at[2];
+    f->down = down.x * at[0] + down.y * at[1] + down.z * at[2];
 #endif
 #endif
+}
+
+// Asks for what face_of will load for the records pairs[from] .. pairs[to - 1]. These lie all over memory, and each is
+// found by what was loaded before. So the loads of many records must overlap.
+INLINE void prefetch_faces(global const Triangle *triangles, global const uint *pairs, uint from, uint to, const Shading *shading)
+{
+    for (uint k = from; k < to; ++k) {
+        uint record = pairs[k], source = triangles[record].source;
+        PREFETCH(shading->weights + 9 * record);
+        PREFETCH(shading->weights + 9 * record + 8);
+        if (COLOR_RATE_FACE) PREFETCH((global const uchar *)shading->palette + (size_t)source * (PACKED_COLOR ? 4 : 16));
+#if COLOR_RATE_VERTEX || HEADLIGHT || MATERIALS
+        global const uint *vertex = shading->faces + 3 * source;
+        for (int j = 0; j < 3; ++j) {
+            if (COLOR_RATE_VERTEX)
+                PREFETCH((global const uchar *)shading->palette + (size_t)vertex[j] * (PACKED_COLOR ? 4 : 16));
+            if (HEADLIGHT) PREFETCH(shading->normals + 3 * vertex[j]);
+            if (MATERIALS) PREFETCH(shading->uv + 2 * vertex[j]);
+        }
+#endif
+    }
 }
 
 // --- where on a face ------------------------------------------------------------------------------------------------
@@ -124,15 +146,15 @@ typedef struct { Reals share[3], scale; } OnFace;
 // weight: the record's barycentric weights there, times twice its area.
 INLINE void place_on_face(const Reals weight[3], const Face *f, OnFace *place)
 {
-    for (int j = 0; j < 3; ++j) {
+    UNROLL for (int j = 0; j < 3; ++j) {
         place->share[j] = (Reals)(0.0f);
-        for (int c = 0; c < 3; ++c) place->share[j] += weight[c] * f->weight[3 * c + j];
+        UNROLL for (int c = 0; c < 3; ++c) place->share[j] += weight[c] * f->weight[3 * c + j];
         // Snapping moves corners by up to 1/512 pixel, so a weight can be slightly negative. Clamping it keeps the
         // colour within the colours of the corners.
         place->share[j] = MAX(place->share[j], (Reals)(0.0f));
     }
     place->scale = 1.0f / (place->share[0] + place->share[1] + place->share[2]);
-    for (int j = 0; j < 3; ++j) place->share[j] *= place->scale;
+    UNROLL for (int j = 0; j < 3; ++j) place->share[j] *= place->scale;
 }
 
 #if MATERIALS
@@ -145,7 +167,7 @@ INLINE void spot_of(const Face *f, const OnFace *place, Spot *spot)
 #if LEVELS
     Reals u_x = (f->right.x - spot->u * f->right.z) * place->scale, v_x = (f->right.y - spot->v * f->right.z) * place->scale;
     Reals u_y = (f->down.x - spot->u * f->down.z) * place->scale, v_y = (f->down.y - spot->v * f->down.z) * place->scale;
-    choose_detail(f->material, u_x, v_x, u_y, v_y, spot);
+    reach_of(f->material, u_x, v_x, u_y, v_y, spot);
 #endif
 }
 #endif
@@ -208,7 +230,7 @@ INLINE Reals light_on(const Face *f, const OnFace *place, float3 view)
 typedef struct {
     float u[WAITING_ROOM], v[WAITING_ROOM];  // and the rest of their spots (shading/textures.h)
 #if LEVELS
-    float detail[WAITING_ROOM];
+    float across2[WAITING_ROOM];
 #endif
 #if PROBES > 1
     float along_u[WAITING_ROOM], along_v[WAITING_ROOM], probes[WAITING_ROOM];
@@ -257,7 +279,7 @@ INLINE void let_wait(const Face *f, const OnFace *place, Reals light, uint bits,
         spot_of(f, place, &spot);
         put_together(spot.u, bits, w->u + end), put_together(spot.v, bits, w->v + end);
 #if LEVELS
-        put_together(spot.detail, bits, w->detail + end);
+        put_together(spot.across2, bits, w->across2 + end);
 #endif
 #if PROBES > 1
         put_together(spot.along_u, bits, w->along_u + end), put_together(spot.along_v, bits, w->along_v + end);
@@ -295,7 +317,7 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *
         Spot spot;
         spot.u = *(const AnyReals *)(w->u + first), spot.v = *(const AnyReals *)(w->v + first);
 #if LEVELS
-        spot.detail = *(const AnyReals *)(w->detail + first);
+        spot.across2 = *(const AnyReals *)(w->across2 + first);
 #endif
 #if PROBES > 1
         spot.along_u = *(const AnyReals *)(w->along_u + first), spot.along_v = *(const AnyReals *)(w->along_v + first);
@@ -318,10 +340,12 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *
 // Stores the colours of all fragments that wait, where they are wanted.
 OUTLINE void paint_all(Waiting *w, global const uint *textures, global float4 *colors)
 {
-    for (uint first = 0; first < w->count; first += SHADED) {
+    uint count = w->count;
+    for (uint first = 0; first < count; first += SHADED) {
         float4 painted[SHADED];
         paint(w, first, true, textures, painted);
-        for (uint k = first; k < MIN(first + SHADED, w->count); ++k) colors[w->to[k]] = painted[k - first];
+        uint some = MIN(count - first, (uint)SHADED);
+        for (uint k = 0; k < some; ++k) colors[w->to[first + k]] = painted[k];
     }
     w->count = 0;
 }

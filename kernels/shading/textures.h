@@ -19,8 +19,8 @@ INLINE Reals wrapped(Reals u, uint flags, uint mirror, uint clamp)
         return u < (Reals)(1.0f) ? u : (Reals)(1.0f);
     }
     u = u < (Reals)(0x1p23f) && u > (Reals)(-0x1p23f) ? u : (Reals)(0.0f);
-    if (!(flags & mirror)) return u - TO_REALS(floor_of(u));
-    u -= 2.0f * TO_REALS(floor_of(0.5f * u));
+    if (!(flags & mirror)) return u - floor_of(u);
+    u -= 2.0f * floor_of(0.5f * u);
     return u > (Reals)(1.0f) ? 2.0f - u : u;
 }
 
@@ -47,8 +47,9 @@ INLINE void taps_of(global const Material *m, global const uint *starts, Reals u
     Words start = words_of_16(starts, AS_WORDS(level));
     const Reals zero = (Reals)(0.0f), half_texel = linear ? (Reals)(0.5f) : zero;
     Reals x = u * TO_REALS(width) - half_texel, y = v * TO_REALS(height) - half_texel;
-    Wholes left = floor_of(x), top = floor_of(y), one = linear ? (Wholes)(1) : (Wholes)(0);
-    taps->right = linear ? x - TO_REALS(left) : zero, taps->down = linear ? y - TO_REALS(top) : zero;
+    Reals first_x = floor_of(x), first_y = floor_of(y);
+    Wholes left = TO_WHOLES(first_x), top = TO_WHOLES(first_y), one = linear ? (Wholes)(1) : (Wholes)(0);
+    taps->right = linear ? x - first_x : zero, taps->down = linear ? y - first_y : zero;
     // Left of the first column lies that column again, unless it repeats.
     if (flags & (MIRROR_U | CLAMP_U)) taps->right = left < (Wholes)(0) ? zero : taps->right;
     Wholes stride = width + (Wholes)(1);
@@ -158,12 +159,12 @@ INLINE void sample_detail(global const uint *textures, global const Material *m,
 }
 
 // --- where a texture is sampled -------------------------------------------------------------------------------------
-// u, v: coordinates. detail: the level of detail. along_u, along_v: by how much u and v grow along a pixel's longer side,
+// u, v: coordinates. across2: the square of how far a pixel reaches over level 0, in texels. along_u, along_v: by how much u and v grow along a pixel's longer side,
 // where so many `probes` lie (EXT_texture_filter_anisotropic).
 typedef struct {
     Reals u, v;
 #if LEVELS
-    Reals detail;
+    Reals across2;
 #endif
 #if PROBES > 1
     Reals along_u, along_v, probes;
@@ -171,8 +172,8 @@ typedef struct {
 } Spot;
 
 #if LEVELS
-// Finds level of detail and probes. u_x, v_x: by how much u and v grow from pixel to pixel to the right; u_y, v_y: down.
-INLINE void choose_detail(global const Material *m, Reals u_x, Reals v_x, Reals u_y, Reals v_y, Spot *spot)
+// Finds how far a pixel reaches, and its probes. u_x, v_x: by how much u and v grow from pixel to pixel to the right; u_y, v_y: down.
+INLINE void reach_of(global const Material *m, Reals u_x, Reals v_x, Reals u_y, Reals v_y, Spot *spot)
 {
     float width = m->width, height = m->height;
     Reals across = u_x * width, down = v_x * height, x2 = across * across + down * down;
@@ -186,29 +187,32 @@ INLINE void choose_detail(global const Material *m, Reals u_x, Reals v_x, Reals 
     spot->along_u = x_longer ? u_x : u_y, spot->along_v = x_longer ? v_x : v_y, spot->probes = probes;
     longest2 /= probes * probes;
 #endif
-    spot->detail = 0.5f * log2_of(longest2);
+    spot->across2 = longest2;
 }
 #endif
 
 // The texture of a material at the first `count` pixels. PROBES: the most probes of a pixel.
 INLINE void sample_texture(global const uint *textures, global const Material *m, const Spot *spot, int count, Part found[PARTS])
 {
+#if LEVELS
+    Reals detail = 0.5f * log2_of(spot->across2);
+#else
+    const Reals detail = (Reals)(0.0f);
+#endif
 #if PROBES > 1
     Part probe[PARTS];
     for (int n = 0; n < PROBES; ++n) {
         if (!(SHADED_BITS_OF(spot->probes > (Reals)((float)n)) & FIRST_BITS(count))) break;
         Reals step = ((float)n + 0.5f) / spot->probes - 0.5f;
-        sample_detail(textures, m, spot->u + step * spot->along_u, spot->v + step * spot->along_v, spot->detail, count,
+        sample_detail(textures, m, spot->u + step * spot->along_u, spot->v + step * spot->along_v, detail, count,
                       n ? probe : found);
         for (int k = 0; n && k < count; ++k)
             if (ONE_OF(float, spot->probes, k) > (float)n) ((float4 *)found)[k] += ((const float4 *)probe)[k];
     }
     for (int k = 0; k < count; ++k)
         if (ONE_OF(float, spot->probes, k) > 1.0f) ((float4 *)found)[k] /= ONE_OF(float, spot->probes, k);
-#elif LEVELS
-    sample_detail(textures, m, spot->u, spot->v, spot->detail, count, found);
 #else
-    sample_detail(textures, m, spot->u, spot->v, (Reals)(0.0f), count, found);
+    sample_detail(textures, m, spot->u, spot->v, detail, count, found);
 #endif
 }
 

@@ -372,6 +372,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
 #if FRAGMENT_COLOR
     Face face;
     uint prepared = ~0u;  // the place of the record whose face it is
+    uint asked_for = list_begin;  // the end of those whose faces are on their way
 #endif
 #if MATERIALS && LANES == 1
     Waiting waiting;
@@ -386,6 +387,10 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
 #if FRAGMENT_COLOR
     uint all = BITS_OF(covered), there = all;
+    if (LANES == 1 && place >= asked_for) {
+        asked_for = MIN(place + WIDE, list_end);
+        prefetch_faces(batch->triangles, batch->pairs, place, asked_for, shading);
+    }
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
     VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
     for (int first = 0; first < STRIP; first += SHADED) {

@@ -94,17 +94,19 @@ def textured(around: bool, minify: Minify, *scene: Any) -> clpeel.Scene:
     """
     made = make(*scene)
     corners = made.faces.reshape(-1)
-    vertices = made.vertices[corners]
-    uv = uv_around(vertices) if around else np.resize(QUADS.reshape(-1, 2), (len(corners), 2))
+    uv = uv_around(made.vertices[corners]) if around else np.resize(QUADS.reshape(-1, 2), (len(corners), 2))
+    # Corners with the same texture coordinates share a vertex, as in files.
+    rows = np.rec.fromarrays([corners, *uv.T.astype(np.float32)])
+    _, first, of_corners = np.unique(rows, return_index=True, return_inverse=True)
     image = np.random.default_rng(4).integers(0, 256, (TEXELS, TEXELS, 4), np.uint8)
     image[..., 3] = 255
     texture = clpeel.Texture(image, magnify="nearest" if minify.startswith("nearest") else "linear", minify=minify)
     return clpeel.Scene.from_arrays(
-        vertices,
-        np.arange(len(corners)).reshape(-1, 3),
+        made.vertices[corners[first]],
+        of_corners.reshape(-1, 3),
         face_colors=np.broadcast_to(made.colors, (len(made.faces), 4)),
         materials=[clpeel.Material(texture=texture, alpha_mode="BLEND")],
-        uv=uv,
+        uv=uv[first],
     )
 
 
