@@ -141,26 +141,44 @@ INLINE Reals to_srgb(global const uint *textures, Reals value)
 
 // --- colours --------------------------------------------------------------------------------------------------------
 // A part of SHADED colours: as many as a vector has room for, four floats each. Lanes that shade one by one have one.
+// LEFT, RIGHT: the part of the first, and of the second halves of so many pairs of colours.
 #if SHADED == 1
 #define PART_COLORS 1
 typedef float4 Part;
-#define JOINED(color, k, last) color(0)
 #define PART_CHANNELS (int4)(0, 1, 2, 3)
 #define SAME_PART(color) (color)
+#define LEFT(pairs) (pairs)[0].lo
+#define RIGHT(pairs) (pairs)[0].hi
 #elif SHADED == 16
 #define PART_COLORS 4
 typedef float16 Part;
-#define JOINED(color, k, last) (float16)(color(k), color(MIN(k + 1, last)), color(MIN(k + 2, last)), color(MIN(k + 3, last)))
 #define PART_CHANNELS SHADED_COLUMNS
 #define SAME_PART(color) (float16)(color, color, color, color)
+#define LEFT(pairs) (float16)((pairs)[0].lo, (pairs)[1].lo, (pairs)[2].lo, (pairs)[3].lo)
+#define RIGHT(pairs) (float16)((pairs)[0].hi, (pairs)[1].hi, (pairs)[2].hi, (pairs)[3].hi)
 #else
 #define PART_COLORS 2
 typedef float8 Part;
-#define JOINED(color, k, last) (float8)(color(k), color(MIN(k + 1, last)))
 #define PART_CHANNELS SHADED_COLUMNS
 #define SAME_PART(color) (float8)(color, color)
+#define LEFT(pairs) (float8)((pairs)[0].lo, (pairs)[1].lo)
+#define RIGHT(pairs) (float8)((pairs)[0].hi, (pairs)[1].hi)
 #endif
 #define PARTS (SHADED / PART_COLORS)
+
+// Numbers of pixel k and of those after it, each for all channels of its colour.
+INLINE Part for_channels(Reals values, int k)
+{
+#if SHADED == 16 && __has_builtin(__builtin_ia32_permvarsf512)
+    return __builtin_ia32_permvarsf512(values, (int16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3) + (int16)(k));
+#elif SHADED == 8 && defined(__AVX2__) && __has_builtin(__builtin_ia32_permvarsf256)
+    return __builtin_ia32_permvarsf256(values, (int8)(0, 0, 0, 0, 1, 1, 1, 1) + (int8)(k));
+#else
+    Part found;
+    UNROLL for (int j = 0; j < PART_COLORS; ++j) ((float4 *)&found)[j] = (float4)(ONE_OF(float, values, k + j));
+    return found;
+#endif
+}
 
 // Where the alphas are: -1, else 0.
 #define ALPHAS (PART_CHANNELS == 3)

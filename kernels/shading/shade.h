@@ -208,12 +208,12 @@ INLINE Reals light_on(const Face *f, const OnFace *place, float3 view)
 #endif
 }
 
-// A colour with light on it. LIGHT_IN_ALPHA: for translucency, which needs no alpha, but needs colour and light apart.
-#ifdef LIGHT_IN_ALPHA
-#define LIT(color, light) (float4)((color).xyz, light)
-#else
-#define LIT(color, light) ((color) * (float4)(light, light, light, 1.0f))
+// For translucency, which needs no alpha, but needs colour and light apart: the colour has no light on it, and light is in
+// alpha's place.
+#ifndef LIGHT_IN_ALPHA
+#define LIGHT_IN_ALPHA 0
 #endif
+#define LIT(color, light) (LIGHT_IN_ALPHA ? (float4)((color).xyz, light) : (color) * (float4)(light, light, light, 1.0f))
 
 #if MATERIALS
 // --- fragments that wait for their material -------------------------------------------------------------------------
@@ -325,16 +325,21 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *
 #endif
         sample_texture(textures, m, &spot, count, texel);
     }
+#if HEADLIGHT
+    Reals lights = *(const AnyReals *)(w->light + first);
+#endif
     for (int k = 0; k < count; k += PART_COLORS) {
         Part color = *(const AnyPart *)(w->tint + first + k);
         if (textured) color *= texel[k / PART_COLORS];
         Part alpha = alpha_of(m, color);
         if (shown) color = part_to_srgb(textures, color);
+#if HEADLIGHT
+        Part light = for_channels(lights, k);
+        if (LIGHT_IN_ALPHA) alpha = light;
+        else color *= light;
+#endif
         *(AnyPart *)(colors + k) = ALPHAS ? alpha : color;
     }
-#if HEADLIGHT
-    for (int k = 0; shown && k < count; ++k) colors[k] = LIT(colors[k], w->light[first + k]);
-#endif
 }
 
 // Stores the colours of all fragments that wait, where they are wanted.

@@ -73,37 +73,35 @@ INLINE float8 texels_at(global const uint *textures, global const uint *texels, 
     return (float8)(decoded(textures, texels[place]), decoded(textures, texels[place + 1]));
 }
 
-// The mean of pixel k's four texels. a + t (b - a) is a where both are equal.
-INLINE float4 mean_of_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, int k)
+// The means of the four texels of pixel k and of those after it. Behind the last pixel it is repeated. a + t (b - a) is a
+// where both are equal.
+INLINE Part mean_of_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, int k, int last)
 {
-    float8 upper = texels_at(textures, texels, floats, ONE_OF(uint, taps->upper, k));
-    float8 lower = texels_at(textures, texels, floats, ONE_OF(uint, taps->lower, k));
-    float8 both = upper + ONE_OF(float, taps->down, k) * (lower - upper);
-    return both.lo + ONE_OF(float, taps->right, k) * (both.hi - both.lo);
+    float8 columns[PART_COLORS];
+    UNROLL for (int j = 0; j < PART_COLORS; ++j) {
+        int own = MIN(k + j, last);
+        float8 upper = texels_at(textures, texels, floats, ONE_OF(uint, taps->upper, own));
+        float8 lower = texels_at(textures, texels, floats, ONE_OF(uint, taps->lower, own));
+        columns[j] = upper + ONE_OF(float, taps->down, own) * (lower - upper);
+    }
+    Part left = LEFT(columns), right = RIGHT(columns);
+    return left + for_channels(taps->right, k) * (right - left);
 }
 
-// The mean of the texels of pixel k in both levels, `rest` of the way to the coarser one.
-INLINE float4 mean_of_levels(global const uint *textures, global const uint *texels, bool floats, const Taps *taps,
-                             const Taps *coarser, const Reals *rest, int k)
-{
-    float4 fine = mean_of_taps(textures, texels, floats, taps, k);
-    return fine + ONE_OF(float, *rest, k) * (mean_of_taps(textures, texels, floats, coarser, k) - fine);
-}
-
-// The first `count` pixels by their taps of one level; or of two levels. Behind the last one it is repeated.
+// The first `count` pixels by their taps of one level; or of two levels, `rest` of the way to the coarser one.
 INLINE void mix_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, int count,
                      Part found[PARTS])
 {
-#define COLOR(k) mean_of_taps(textures, texels, floats, taps, k)
-    for (int k = 0; k < count; k += PART_COLORS) *found++ = JOINED(COLOR, k, count - 1);
-#undef COLOR
+    for (int k = 0; k < count; k += PART_COLORS) *found++ = mean_of_taps(textures, texels, floats, taps, k, count - 1);
 }
 INLINE void mix_levels(global const uint *textures, global const uint *texels, bool floats, const Taps *taps,
                        const Taps *coarser, Reals rest, int count, Part found[PARTS])
 {
-#define COLOR(k) mean_of_levels(textures, texels, floats, taps, coarser, &rest, k)
-    for (int k = 0; k < count; k += PART_COLORS) *found++ = JOINED(COLOR, k, count - 1);
-#undef COLOR
+    for (int k = 0; k < count; k += PART_COLORS) {
+        Part fine = mean_of_taps(textures, texels, floats, taps, k, count - 1);
+        Part coarse = mean_of_taps(textures, texels, floats, coarser, k, count - 1);
+        *found++ = fine + for_channels(rest, k) * (coarse - fine);
+    }
 }
 
 // --- levels ---------------------------------------------------------------------------------------------------------

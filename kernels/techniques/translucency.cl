@@ -6,7 +6,7 @@
 //   C = F + (1 - F) light S exp(-extinction thickness)
 // Light that a surface reflects does not pass it, so C never leaves 0..1. Where there is anything, it hides the
 // background.
-#define LIGHT_IN_ALPHA
+#define LIGHT_IN_ALPHA 1
 #include "base/common.h"
 #include "fragments/blending.h"
 
