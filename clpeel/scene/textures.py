@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from clpeel.checks import one_of
 from clpeel.errors import InputError
+from clpeel.scene.arrays import AnyArray
+from clpeel.scene.images import ImageField, LateImage, check_image
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 WRAPS: tuple[Wrap, ...] = get_args(Wrap)
@@ -31,44 +33,37 @@ MINIFY: tuple[Minify, ...] = get_args(Minify)
 within a level of the mip map; behind it: between levels.
 """
 
-MOST_TEXELS = 1 << 14
-"""The most texels on a side of a texture."""
-
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A picture that the colours of faces come from, and how it is sampled.
+    """A picture that the colours of faces come from, or numbers for lights, and how it is sampled.
 
     image: [height, width, 4], straight RGBA, row 0 on top, where v is 0 (as in glTF). uint8 0..255 or float32 0..1.
     Where it is uint8, red, green and blue are sRGB and are decoded before they are filtered. Where it is float32, they
-    are linear: this is for files with 16 bits a channel. Alpha is linear in both.
+    are linear: this is for files with 16 bits a channel. Alpha is linear in both. Where the texels are numbers (Light
+    says of which textures), nothing is sRGB: the numbers are uint8 / 255, or float32 as they are.
+    A LateImage is decoded when the image is first asked for, which then raises InputError if that cannot be done.
     wrap: what is beyond 0..1, along u and along v. magnify, minify: the filters (MINIFY).
 
     Raises InputError if the image or a word is none of these.
     """
 
-    image: NDArray[Any]
+    image: ImageField = ImageField()
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     magnify: Magnify = "linear"
     minify: Minify = "linear-mipmap-linear"
 
     def __post_init__(self) -> None:
-        image = self.image
-        if not isinstance(image, np.ndarray) or image.ndim != 3 or image.shape[2] != 4 or 0 in image.shape:
-            got = f"{list(np.shape(image))} {getattr(image, 'dtype', type(image).__name__)}"
-            raise InputError(f"image: expected [height, width, 4], got {got}; see Texture.of")
-        if image.dtype not in (np.uint8, np.float32):
-            raise InputError(f"image: expected uint8 or float32, got {image.dtype}; see Texture.of")
-        if max(image.shape) > MOST_TEXELS:
-            raise InputError(
-                f"image: expected at most {MOST_TEXELS:,} texels a side, got {image.shape[1]:,} x {image.shape[0]:,}"
-            )
-        if image.dtype == np.float32 and not (image.min() >= 0 and image.max() <= 1):
-            raise InputError(f"image: expected floats 0..1, got {image.min()} to {image.max()}")
+        if not isinstance(vars(self)["image"], LateImage):
+            check_image(self.image)
         for each in self.wrap:
             one_of("wrap", each, WRAPS)
         one_of("magnify", self.magnify, MAGNIFY)
         one_of("minify", self.minify, MINIFY)
+
+    def __repr__(self) -> str:
+        """Return the fields as any dataclass does, but decode nothing."""
+        return f"Texture({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
 
     @staticmethod
     def of(
@@ -82,23 +77,7 @@ class Texture:
         image: [height, width], or [height, width, 1 to 4]: grey, grey and alpha, RGB or RGBA; uint8, uint16, or floats
         0..1, all of them sRGB as in picture files. Raises InputError for anything else.
         """
-        given = np.asarray(image)
-        values = given[..., None] if given.ndim == 2 else given
-        if values.ndim != 3 or not 1 <= values.shape[2] <= 4 or values.dtype.kind not in "uf" or 0 in values.shape:
-            raise InputError(
-                "image: expected [height, width, 1 to 4] of uint8, uint16 or floats, "
-                f"got {list(given.shape)} {given.dtype}"
-            )
-        if values.dtype.kind == "u" and values.dtype.itemsize > 2:
-            raise InputError(f"image: expected uint8, uint16 or floats 0..1, got {values.dtype}")
-        one = 1.0 if values.dtype.kind == "f" else np.iinfo(values.dtype).max
-        if values.dtype.kind == "f" and not (values.min() >= 0 and values.max() <= 1):
-            raise InputError(f"image: expected floats 0..1, got {values.min()} to {values.max()}")
-        rgba = np.full((*values.shape[:2], 4), one, values.dtype)
-        channels = values.shape[2]
-        rgba[..., :3] = values[..., :3] if channels >= 3 else values[..., :1]
-        if channels in (2, 4):
-            rgba[..., 3] = values[..., -1]
+        rgba = as_rgba(image)
         if rgba.dtype.kind == "f":
             rgba = np.concatenate([linear(rgba[..., :3]), rgba[..., 3:]], axis=2).astype(np.float32)
         elif rgba.dtype != np.uint8:  # a table takes a fraction of the time and the memory
@@ -115,6 +94,27 @@ class Texture:
     def mipmapped(self) -> bool:
         """Whether the minifying filter wants smaller copies of the image."""
         return "mipmap" in self.minify
+
+
+def as_rgba(image: ArrayLike) -> AnyArray:
+    """Return an image's channels as four, [height, width, 4], of the same type. See Texture.of."""
+    given = np.asarray(image)
+    values = given[..., None] if given.ndim == 2 else given
+    if values.ndim != 3 or not 1 <= values.shape[2] <= 4 or values.dtype.kind not in "uf" or 0 in values.shape:
+        raise InputError(
+            f"image: expected [height, width, 1 to 4] of uint8, uint16 or floats, got {list(given.shape)} {given.dtype}"
+        )
+    if values.dtype.kind == "u" and values.dtype.itemsize > 2:
+        raise InputError(f"image: expected uint8, uint16 or floats 0..1, got {values.dtype}")
+    one = 1.0 if values.dtype.kind == "f" else np.iinfo(values.dtype).max
+    if values.dtype.kind == "f" and not (values.min() >= 0 and values.max() <= 1):
+        raise InputError(f"image: expected floats 0..1, got {values.min()} to {values.max()}")
+    rgba = np.full((*values.shape[:2], 4), one, values.dtype)
+    channels = values.shape[2]
+    rgba[..., :3] = values[..., :3] if channels >= 3 else values[..., :1]
+    if channels in (2, 4):
+        rgba[..., 3] = values[..., -1]
+    return rgba
 
 
 # --- sRGB -------------------------------------------------------------------------------------------------------------
