@@ -53,11 +53,11 @@ def checked_normals(value: ArrayLike, count: int) -> NDArray[np.float32]:
         return np.ascontiguousarray(array, dtype=np.float32)
 
 
-def checked_uv(value: ArrayLike, count: int) -> NDArray[np.float32]:
+def checked_uv(name: str, value: ArrayLike, count: int) -> NDArray[np.float32]:
     """Return texture coordinates as float32 [count, 2], or raise InputError. What is not finite becomes 0."""
-    array = _array("uv", value)
+    array = _array(name, value)
     if array.shape != (count, 2) or array.dtype.kind not in "fiu":
-        raise InputError(f"uv: expected [{count}, 2] real numbers, got {_described(array)}")
+        raise InputError(f"{name}: expected [{count}, 2] real numbers, got {_described(array)}")
     with np.errstate(over="ignore", under="ignore"):
         uv = np.ascontiguousarray(array, dtype=np.float32)
     return uv if np.isfinite(uv).all() else np.nan_to_num(uv, nan=0.0, posinf=0.0, neginf=0.0)

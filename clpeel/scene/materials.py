@@ -35,17 +35,45 @@ NO_MATERIAL = -1
 class Light:
     """What a material is beyond its base colour, kept for lights (glTF 2.0, section 3.9). Nothing of it is drawn yet.
 
-    metallic, roughness: 0..1. emissive: linear RGB. The textures are data, not colours, but for the emissive one. Their
-    coordinates are the scene's.
+    metallic, roughness: 0..1. emissive: linear RGB, which may exceed 1. normal_scale: how much red and green of the
+    normal texture count. occlusion_strength: 0..1, how much the occlusion texture counts.
+    The texels of the emissive texture are colours, as those of Material.texture are. The texels of the others are
+    numbers, never sRGB: bytes are 0..255 for 0..1, and floats are as they are. Readers keep these textures without
+    decoding their images, which the first one who asks for an image does.
+    metallic_roughness_uv, ...: the number of each texture's coordinates: 0 for Scene.uv, k for Scene.more_uv[k - 1].
+
+    Raises InputError if such a number is below 0.
     """
 
     metallic: float = 1.0
     roughness: float = 1.0
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    normal_scale: float = 1.0
+    occlusion_strength: float = 1.0
     metallic_roughness_texture: Texture | None = None
     normal_texture: Texture | None = None
     occlusion_texture: Texture | None = None
     emissive_texture: Texture | None = None
+    metallic_roughness_uv: int = 0
+    normal_uv: int = 0
+    occlusion_uv: int = 0
+    emissive_uv: int = 0
+
+    def __post_init__(self) -> None:
+        least = min(self.metallic_roughness_uv, self.normal_uv, self.occlusion_uv, self.emissive_uv)
+        if least < 0:
+            raise InputError(f"light: expected numbers of texture coordinates of 0 or more, got {least}")
+
+    @property
+    def uv_sets(self) -> int:
+        """How many sets of texture coordinates its textures need: one more than the greatest number."""
+        placed = (
+            (self.metallic_roughness_texture, self.metallic_roughness_uv),
+            (self.normal_texture, self.normal_uv),
+            (self.occlusion_texture, self.occlusion_uv),
+            (self.emissive_texture, self.emissive_uv),
+        )
+        return max((number + 1 for texture, number in placed if texture is not None), default=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +108,11 @@ class Material:
             raise InputError(f"opacity: expected a number 0..1, got {self.opacity}")
         if not self.alpha_cutoff >= 0:
             raise InputError(f"alpha_cutoff: expected a number of 0 or more, got {self.alpha_cutoff}")
+
+    @property
+    def uv_sets(self) -> int:
+        """How many sets of texture coordinates its textures need: 0, 1 for Scene.uv alone, or more."""
+        return max(int(self.texture is not None), 0 if self.light is None else self.light.uv_sets)
 
     @cached_property
     def texel_alphas(self) -> tuple[float, float]:

@@ -242,5 +242,6 @@ def _split(
         faces=faces,
         vertex_colors=None if colors is None else np.concatenate([colors, colors[source[added]]]),
         uv=None if scene.uv is None else np.concatenate([scene.uv, scene.uv[source[added]]]),
+        more_uv=tuple(np.concatenate([uv, uv[source[added]]]) for uv in scene.more_uv),
         vertex_normals=_filled(np.concatenate([normals, corner_normals[first[added]]])),
     )

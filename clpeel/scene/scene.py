@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,7 @@ class Scene:
     materials: what the colours of faces are made of (materials.py). face_materials: int32 [m], the place of each face's
     material in `materials`, or NO_MATERIAL; None if there are no materials. On faces that have one, the scene's colours
     are linear. uv: float32 [n, 2], texture coordinates; (0, 0) is the upper left corner of an image, and v points down.
-    None if no material has a texture.
+    None if no material has a texture. more_uv: further ones, which textures of materials' lights name by number.
     single_sided: bool [m], faces that are seen from their front alone, from where their corners run counterclockwise.
     None if there are none.
     notes: what the loader could not keep, one line each.
@@ -86,6 +87,7 @@ class Scene:
     materials: tuple[Material, ...] = ()
     face_materials: NDArray[np.int32] | None = None
     uv: NDArray[np.float32] | None = None
+    more_uv: tuple[NDArray[np.float32], ...] = ()
     single_sided: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
 
@@ -102,6 +104,7 @@ class Scene:
         materials: Sequence[Material] = (),
         face_materials: ArrayLike | None = None,
         uv: ArrayLike | None = None,
+        more_uv: Sequence[ArrayLike] = (),
         single_sided: ArrayLike | None = None,
     ) -> Scene:
         """Return a scene made from arrays, all of which are checked.
@@ -114,7 +117,7 @@ class Scene:
         materials: of faces (materials.py). face_materials: [m] integers, which of these each face has, or -1 for none;
         by default the first. On faces with a material, the colours given here are linear, and white by default.
         uv: [n, 2] texture coordinates, where (0, 0) is the upper left corner of an image. They are needed if a material
-        has a texture.
+        has a texture. more_uv: further ones, [n, 2] each, for textures of lights that name them (materials.Light).
         single_sided: [m] booleans, or one: faces that are seen from their front alone.
 
         Raises InputError, which names the argument, what was expected and what was given.
@@ -132,8 +135,11 @@ class Scene:
             own = np.full((len(triangles), 4), 255, np.uint8)
             own[of_faces == NO_MATERIAL] = DEFAULT_COLOR
             color, face_colors = (own[0], None) if (own == own[0]).all() else (None, own)
-        if uv is None and any(material.texture is not None for material in materials):
+        sets = max((material.uv_sets for material in materials), default=0)
+        if uv is None and (sets or more_uv):
             raise InputError("uv: expected texture coordinates for a material with a texture, got none")
+        if sets > 1 + len(more_uv):
+            raise InputError(f"more_uv: expected {sets - 1}, as a texture of a light names it, got {len(more_uv)}")
         scene = Scene(
             points,
             triangles,
@@ -145,7 +151,8 @@ class Scene:
             vertex_normals=None if vertex_normals is None else checked_normals(vertex_normals, len(points)),
             materials=tuple(materials),
             face_materials=of_faces,
-            uv=None if uv is None else checked_uv(uv, len(points)),
+            uv=None if uv is None else checked_uv("uv", uv, len(points)),
+            more_uv=tuple(checked_uv("more_uv", each, len(points)) for each in more_uv),
             single_sided=None if single_sided is None else checked_flags("single_sided", single_sided, len(triangles)),
         )
         return scene if opacity is None else recolored(scene, None, checked_opacity(opacity))
@@ -300,9 +307,7 @@ def joined(scenes: Sequence[Scene]) -> Scene:
     normals = None
     if any(scene.vertex_normals is not None for scene in scenes):
         normals = np.concatenate([_normals_or_nan(scene) for scene in scenes])
-    uv = None
-    if any(scene.uv is not None for scene in scenes):
-        uv = np.concatenate([np.zeros((len(s.vertices), 2), np.float32) if s.uv is None else s.uv for s in scenes])
+    uv = _joined_uv(scenes)
     single_sided = None
     if any(scene.single_sided is not None for scene in scenes):
         parts = [np.zeros(len(s.faces), bool) if s.single_sided is None else s.single_sided for s in scenes]
@@ -316,7 +321,8 @@ def joined(scenes: Sequence[Scene]) -> Scene:
         vertex_normals=normals,
         materials=materials,
         face_materials=face_materials,
-        uv=uv,
+        uv=uv[0] if uv else None,
+        more_uv=uv[1:],
         single_sided=single_sided,
         notes=notes,
         **colors,
@@ -336,6 +342,16 @@ def _joined_materials(scenes: Sequence[Scene]) -> tuple[tuple[Material, ...], ND
         own = [places.setdefault(material, len(places)) for material in scene.materials]
         of_faces.append(np.array([*own, NO_MATERIAL], np.int32)[scene.face_materials])  # NO_MATERIAL is the last place
     return tuple(places), np.concatenate(of_faces)
+
+
+def _joined_uv(scenes: Sequence[Scene]) -> tuple[NDArray[np.float32], ...]:
+    """Return the texture coordinates of all scenes' vertices, as many sets as any scene has. Others have zeros."""
+    own = [() if scene.uv is None else (scene.uv, *scene.more_uv) for scene in scenes]
+    rows = zip_longest(*own)
+    none = [np.broadcast_to(np.float32(0), (len(scene.vertices), 2)) for scene in scenes]
+    return tuple(
+        np.concatenate([zeros if uv is None else uv for uv, zeros in zip(row, none, strict=True)]) for row in rows
+    )
 
 
 def _normals_or_nan(scene: Scene) -> NDArray[np.float32]:
@@ -364,6 +380,7 @@ def with_vertex_colors(scene: Scene) -> Scene:
         vertex_colors=colors,
         vertex_normals=None if scene.vertex_normals is None else scene.vertex_normals[corners],
         uv=None if scene.uv is None else scene.uv[corners],
+        more_uv=tuple(uv[corners] for uv in scene.more_uv),
     )
 
 

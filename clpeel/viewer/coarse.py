@@ -51,6 +51,7 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
         vertex_colors=None if scene.vertex_colors is None else scene.vertex_colors[first],
         vertex_normals=None,
         uv=None if scene.uv is None else scene.uv[first],
+        more_uv=tuple(uv[first] for uv in scene.more_uv),
         face_materials=None if scene.face_materials is None else scene.face_materials[kept],
         single_sided=None if scene.single_sided is None else scene.single_sided[kept],
     )
