@@ -129,9 +129,9 @@ def _scene(piece: _Piece, look: Look) -> Scene:
         given["materials"] = (look.material,)
         if primitive.has("COLOR_0"):
             given["vertex_colors"] = np.tile(_colors(primitive, weights), (copies, 1))
-    if look.mapped is not None:
-        uv = look.mapped.at(primitive.floats(look.mapped.coordinates, weights, "VEC2"))
-        given["uv"] = np.tile(uv, (copies, 1))
+    sets = [each.at(primitive.floats(each.coordinates, weights, "VEC2")) for each in look.mappings]
+    if sets:
+        given["uv"], *given["more_uv"] = (np.tile(uv, (copies, 1)) for uv in sets)
     scene = Scene.from_arrays(vertices, faces, **given)
     return replace(scene, single_sided=np.ones(len(faces), bool)) if look.single_sided else scene
 

@@ -17,11 +17,24 @@ MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 GLOSS = "KHR_materials_pbrSpecularGlossiness"
 UNLIT = "KHR_materials_unlit"
 TRANSMISSION = "KHR_materials_transmission"
+STRENGTH = "KHR_materials_emissive_strength"
 TRANSFORM = "KHR_texture_transform"
 INSTANCING = "EXT_mesh_gpu_instancing"
 BASISU, WEBP = "KHR_texture_basisu", "EXT_texture_webp"
 
-_READ = {DRACO, *MESHOPT, GLOSS, UNLIT, TRANSMISSION, TRANSFORM, INSTANCING, BASISU, WEBP, "KHR_mesh_quantization"}
+_READ = {
+    DRACO,
+    *MESHOPT,
+    GLOSS,
+    UNLIT,
+    TRANSMISSION,
+    STRENGTH,
+    TRANSFORM,
+    INSTANCING,
+    BASISU,
+    WEBP,
+    "KHR_mesh_quantization",
+}
 _UNSEEN = {"KHR_xmp", "KHR_xmp_json_ld"}
 """Extensions that do not show in a picture."""
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clpeel.errors import InputError
 from clpeel.reading.companions import named
 from clpeel.reading.gltf_document import (
     GLOSS,
-    TRANSFORM,
+    STRENGTH,
     TRANSMISSION,
     UNLIT,
     Document,
@@ -21,15 +21,14 @@ from clpeel.reading.gltf_document import (
     extension,
     fields,
     number,
-    numbers,
     title,
     unit_numbers,
-    whole,
 )
+from clpeel.reading.gltf_mapping import Mapped, Mapping, mapped
 from clpeel.reading.gltf_primitives import Primitive
 from clpeel.reading.gltf_textures import Textures
 from clpeel.reading.losses import listed
-from clpeel.scene.arrays import AnyArray, Colors
+from clpeel.scene.arrays import Colors
 from clpeel.scene.materials import ALPHA_MODES, AlphaMode, Light, Material
 from clpeel.scene.textures import srgb
 
@@ -48,35 +47,18 @@ _KINDS = {
     "transmissionTexture": "transmission",
 }
 
-
-@dataclass(frozen=True)
-class Mapped:
-    """A texture on a surface. index: of the texture. coordinates: the name of their attribute. transform: see at."""
-
-    index: Any
-    coordinates: str
-    transform: tuple[float, float, float, float, float]
-
-    def at(self, uv: AnyArray) -> AnyArray:
-        """Return where coordinates [n, 2] lie in the image, by KHR_texture_transform: scaled, turned, then shifted.
-
-        Angles are radians, counterclockwise as the image is seen, where v points down.
-        """
-        across, down, angle, wide, high = self.transform
-        if (across, down, angle, wide, high) == (0, 0, 0, 1, 1):
-            return uv
-        u, v = uv[:, 0].astype(np.float64) * wide, uv[:, 1].astype(np.float64) * high
-        cosine, sine = math.cos(angle), math.sin(angle)
-        return np.stack([cosine * u + sine * v + across, cosine * v - sine * u + down], axis=1)
+_FOR_LIGHTS = ("metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture")
+_NO_COORDINATES = "textures left out, as meshes lack the coordinates for those of materials"
 
 
 @dataclass(frozen=True)
 class _Recipe:
-    """What a glTF material says."""
+    """What a glTF material says. for_lights: the keys of its textures for lights, each with the object that has it."""
 
     name: str = ""
     base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
     mapped: Mapped | None = None
+    for_lights: tuple[tuple[str, Json], ...] = ()
     alpha_mode: AlphaMode = "OPAQUE"
     alpha_cutoff: float = 0.5
     opacity: float = 1.0
@@ -87,12 +69,15 @@ class _Recipe:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How faces look: a material, or a plain colour [4]. mapped: the material's texture, if it has any."""
+    """How faces look: a material, or a plain colour [4]. mappings: of the material's textures, each once.
+
+    Their places are the numbers by which the material names texture coordinates.
+    """
 
     single_sided: bool
     material: Material | None = None
     color: Colors | None = None
-    mapped: Mapped | None = None
+    mappings: tuple[Mapping, ...] = ()
 
 
 class Materials:
@@ -101,16 +86,16 @@ class Materials:
     def __init__(self, document: Document, textures: Textures) -> None:
         self.document, self.textures = document, textures
         self._recipes: dict[int, _Recipe] = {}
-        self._made: dict[tuple[object, bool, AlphaMode], Material] = {}
+        self._made: dict[tuple[object, bool, AlphaMode, tuple[Mapping, ...]], Material] = {}
         self._looks: dict[Primitive, Look | None] = {}
         self._kinds = set[str]()
         self._losses: dict[str, list[str]] = {}
 
     def want(self, primitive: Primitive) -> None:
         """Ask for the texture of a primitive. Raises InputError."""
-        mapped = self._mapped(primitive)
-        if mapped is not None:
-            self.textures.want(mapped.index)
+        base = self._mapped(primitive)
+        if base is not None:
+            self.textures.want(base.index)
 
     def look(self, primitive: Primitive) -> Look | None:
         """Return how a primitive's faces look, or None, with a note, if they are cut away. Raises InputError."""
@@ -119,18 +104,19 @@ class Materials:
         return self._looks[primitive]
 
     def _look(self, primitive: Primitive) -> Look | None:
-        recipe, mapped = self._recipe(primitive.material), self._mapped(primitive)
-        texture = None if mapped is None else self.textures.get(mapped.index)
+        recipe, base = self._recipe(primitive.material), self._mapped(primitive)
+        texture = None if base is None else self.textures.get(base.index)
         mode, colored = recipe.alpha_mode, primitive.has("COLOR_0")
         if mode == "MASK" and texture is None and not colored:
             if recipe.base_color[3] < recipe.alpha_cutoff:
                 self._lose("faces left out, as their materials cut all of them away", recipe.name)
                 return None
             mode = "OPAQUE"
-        if texture is None and not colored and mode != "MASK" and not recipe.unlit:
+        light, mappings = self._lit(primitive, None if texture is None else base)
+        if not mappings and not colored and mode != "MASK" and not recipe.unlit:
             alpha = recipe.base_color[3] if mode == "BLEND" else recipe.opacity
             return Look(recipe.single_sided, color=_shown(recipe.base_color[:3], alpha))
-        key = (primitive.material, texture is not None, mode)
+        key = (primitive.material, texture is not None, mode, mappings)
         if key not in self._made:
             red, green, blue, alpha = recipe.base_color
             self._made[key] = Material(
@@ -141,9 +127,47 @@ class Materials:
                 recipe.alpha_cutoff,
                 recipe.opacity,
                 recipe.unlit,
-                light=recipe.light,
+                light=light,
             )
-        return Look(recipe.single_sided, self._made[key], mapped=None if texture is None else mapped)
+        return Look(recipe.single_sided, self._made[key], mappings=mappings)
+
+    def _lit(self, primitive: Primitive, base: Mapped | None) -> tuple[Light | None, tuple[Mapping, ...]]:
+        """Return the light of a primitive's material with its textures, and the mappings of all textures, each once.
+
+        base: the texture of the base colour, if there is one.
+        """
+        recipe = self._recipe(primitive.material)
+        mappings = [] if base is None else [base.mapping]
+        if recipe.light is None:
+            return None, tuple(mappings)
+        light = recipe.light
+        for key, holder in recipe.for_lights:
+            late = self._late(primitive, recipe.name, key, holder)
+            if late is None:
+                continue
+            mapping, found = late
+            if mapping not in mappings:
+                mappings.append(mapping)
+            found[f"{_word(key)}_uv"] = mappings.index(mapping)
+            light = replace(light, **found)
+        return light, tuple(mappings)
+
+    def _late(self, primitive: Primitive, name: str, key: str, holder: Json) -> tuple[Mapping, dict[str, Any]] | None:
+        """Return where a texture for lights lies, and the fields of Light that it gives. None, after a note, if none.
+
+        No light draws it yet, so damage here is no reason to refuse the file.
+        """
+        try:
+            info = fields(holder, key)
+            lies, found = mapped(info), _factor(key, info)
+            if not primitive.has(lies.mapping.coordinates):
+                self._lose(_NO_COORDINATES, name)
+                return None
+            texture = self.textures.late(lies.index, colors=key == "emissiveTexture")
+        except InputError as error:
+            self.document.note(f"{_KINDS[key]} texture of material {name} left out: {error}")
+            return None
+        return None if texture is None else (lies.mapping, {f"{_word(key)}_texture": texture, **found})
 
     def note_losses(self) -> None:
         """Note what the picture lacks of the materials that were used."""
@@ -160,9 +184,9 @@ class Materials:
     def _mapped(self, primitive: Primitive) -> Mapped | None:
         """Return the texture of a primitive, or None if its material has none, or it has no coordinates for it."""
         recipe = self._recipe(primitive.material)
-        if recipe.mapped is None or primitive.has(recipe.mapped.coordinates):
+        if recipe.mapped is None or primitive.has(recipe.mapped.mapping.coordinates):
             return recipe.mapped
-        self._lose("textures left out, as meshes lack the coordinates for those of materials", recipe.name)
+        self._lose(_NO_COORDINATES, recipe.name)
         return None
 
     def _recipe(self, index: Any) -> _Recipe:
@@ -192,7 +216,7 @@ class Materials:
         light = _light(material, metal, gloss)
         if any(light.emissive) and "emissiveTexture" not in material:
             self._lose("emissive colours left out", name)
-        opacity = 1.0
+        unlit, opacity = extension(material, UNLIT) is not None, 1.0
         if transmitted:
             self._lose(f"glass drawn as transparency ({TRANSMISSION})", name)
             if mode == "BLEND":
@@ -202,24 +226,34 @@ class Materials:
         return _Recipe(
             name,
             (red, green, blue, alpha),
-            None if texture not in base else _mapping(fields(base, texture)),
+            None if texture not in base else mapped(fields(base, texture)),
+            () if unlit else _for_lights(material, metal if gloss is None else {}),
             mode,
             number("alphaCutoff", material.get("alphaCutoff", 0.5)),
             opacity,
-            extension(material, UNLIT) is not None,
+            unlit,
             not material.get("doubleSided", False),
             light,
         )
 
 
-def _mapping(info: Json) -> Mapped:
-    """Return the texture that a textureInfo object describes. Raises InputError."""
-    shift = extension(info, TRANSFORM) or {}
-    number_of_set = whole("texCoord", shift.get("texCoord", info.get("texCoord", 0)))
-    across, down = numbers("offset", shift.get("offset", [0, 0]), 2)
-    wide, high = numbers("scale", shift.get("scale", [1, 1]), 2)
-    angle = number("rotation", shift.get("rotation", 0))
-    return Mapped(info.get("index"), f"TEXCOORD_{number_of_set}", (across, down, angle, wide, high))
+def _for_lights(*holders: Json) -> tuple[tuple[str, Json], ...]:
+    """Return the keys of the textures for lights that these objects have, each with its object."""
+    return tuple((key, holder) for key in _FOR_LIGHTS for holder in holders if key in holder)
+
+
+def _word(key: str) -> str:
+    """Return how the names of a texture's fields in Light begin."""
+    return _KINDS[key].replace("-", "_")
+
+
+def _factor(key: str, info: Json) -> dict[str, Any]:
+    """Return the number that a texture for lights has beside it, by its name in Light. Raises InputError."""
+    if key == "normalTexture":
+        return {"normal_scale": number("scale", info.get("scale", 1))}
+    if key == "occlusionTexture":
+        return {"occlusion_strength": unit_numbers("strength", [info.get("strength", 1)], 1)[0]}
+    return {}
 
 
 def _light(material: Json, metal: Json, gloss: Json | None) -> Light:
@@ -231,7 +265,8 @@ def _light(material: Json, metal: Json, gloss: Json | None) -> Light:
         (metallic,) = unit_numbers("metallicFactor", [metal.get("metallicFactor", 1)], 1)
         (rough,) = unit_numbers("roughnessFactor", [metal.get("roughnessFactor", 1)], 1)
     red, green, blue = unit_numbers("emissiveFactor", material.get("emissiveFactor", [0, 0, 0]), 3)
-    return Light(metallic, rough, (red, green, blue))
+    strength = max(number("emissiveStrength", (extension(material, STRENGTH) or {}).get("emissiveStrength", 1)), 0.0)
+    return Light(metallic, rough, (red * strength, green * strength, blue * strength))
 
 
 def _shown(rgb: tuple[float, ...], alpha: float) -> Colors:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from clpeel.reading.reader_log import collected
 from clpeel.reading.signatures import looks_like
 from clpeel.reading.words import one_line
 from clpeel.scene.arrays import AnyArray
-from clpeel.scene.textures import MOST_TEXELS, Texture
+from clpeel.scene.images import MOST_TEXELS
+from clpeel.scene.textures import Texture, as_rgba
 
 _FORMATS = "PNG JPEG WEBP AVIF GIF BMP DDS TIFF JPEG2000 PCX PPM PSD SGI TGA".split()
 """Pillow's names of the formats that are read. Pillow would hand some others, such as EPS, to another program.
@@ -22,6 +24,9 @@ TGA is the last one, as any bytes may begin such a file.
 """
 
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
+
+_TRANSCODER = "opengl_basisu"
+_LACKING = f"a KTX2 image, which the package {_TRANSCODER} reads; run: pip install 'clpeel[formats]'"
 
 _MOST_DEEP = 1 << 26
 """The most texels of an image with 16 bits a channel: they take four times the memory of 8 bits."""
@@ -34,14 +39,24 @@ class _Unusable(ValueError):
     """Why a picture is not read, though it may be whole."""
 
 
-def texels(data: bytes) -> AnyArray:
+def texels(data: bytes, colors: bool = True) -> AnyArray:
     """Return the texels of a picture file, [height, width, 4] as in Texture: uint8, or float32 for 16 bits a channel.
 
+    colors: whether the texels are colours, which are sRGB in files. Otherwise they are numbers, and stay as they are.
     Colour profiles and the orientation that a camera notes are ignored, as glTF asks. Of several frames, the first
     counts. Raises ValueError, with the reason in words for a note, if the bytes are not a picture that can be read.
     """
     with _in_words():
-        return _transcoded(data) if data.startswith(_KTX2) else _pixels(_opened(data), data)
+        return _transcoded(data) if data.startswith(_KTX2) else _pixels(_opened(data), data, colors)
+
+
+def check_picture(data: bytes) -> None:
+    """Raise ValueError, as texels does, unless the bytes begin as a picture that can be read. No pixel is decoded."""
+    with _in_words():
+        if not data.startswith(_KTX2):
+            _opened(data)
+        elif find_spec(_TRANSCODER) is None:
+            raise _Unusable(_LACKING)
 
 
 @contextmanager
@@ -113,10 +128,11 @@ def _deep(image: Any) -> bool:
     return _packing(image).endswith(";16B") or image.mode[0] in "IF"
 
 
-def _pixels(image: Any, data: bytes) -> AnyArray:
+def _pixels(image: Any, data: bytes, colors: bool) -> AnyArray:
     """Return the texels of an open image. Raises _Unusable, and what Pillow's decoders raise."""
     if _deep(image):
-        return Texture.of(_sixteen_bits(image, data)).image
+        deep = _sixteen_bits(image, data)
+        return Texture.of(deep).image if colors else as_rgba(deep) / np.float32(65535)
     step = _STEPS.get(_packing(image))
     if step and "transparency" in image.info:  # Pillow would compare a grey that it has unpacked with a packed one
         image.info["transparency"] = min(image.info["transparency"] * step, 255)
@@ -164,6 +180,5 @@ def _transcoded(data: bytes) -> AnyArray:
     try:
         import opengl_basisu
     except ImportError:
-        hint = "run: pip install 'clpeel[formats]'"
-        raise _Unusable(f"a KTX2 image, which the package opengl_basisu reads; {hint}") from None
+        raise _Unusable(_LACKING) from None
     return np.asarray(opengl_basisu.open(data).transcode("rgba8").data)  # it refuses more than 16,384 texels a side

@@ -271,9 +271,9 @@ def test_samplers_that_are_not_known_are_noted(tmp_path: Path) -> None:
 def test_images_are_decoded_once_and_only_if_they_are_drawn(tmp_path: Path, monkeypatch: Any) -> None:
     decoded = []
 
-    def noting(data: bytes) -> Any:
+    def noting(data: bytes, colors: bool) -> Any:
         decoded.append(data)
-        return texels(data)
+        return texels(data, colors)
 
     monkeypatch.setattr(clpeel.reading.gltf_textures, "texels", noting)
     document = textured(png(), name="a", normalTexture={"index": 2}, emissiveTexture={"index": 2})
@@ -282,7 +282,7 @@ def test_images_are_decoded_once_and_only_if_they_are_drawn(tmp_path: Path, monk
     document.more["materials"] += [other, unused]
     document.more["textures"] += [{"source": 0, "sampler": 0}, {"source": 1}]
     document.more["samplers"] = [{"magFilter": 9728}]
-    document.more["images"].append({"bufferView": document.view(b"never decoded"), "mimeType": "image/png"})
+    document.more["images"].append({"bufferView": document.view(png(np.zeros((1, 1, 3)))), "mimeType": "image/png"})
     document.more["meshes"] = [{"primitives": [document.primitive, {**document.primitive, "material": 1}]}]
     scene = document.load(tmp_path)
     assert decoded == [png()]
