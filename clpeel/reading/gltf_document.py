@@ -22,19 +22,8 @@ TRANSFORM = "KHR_texture_transform"
 INSTANCING = "EXT_mesh_gpu_instancing"
 BASISU, WEBP = "KHR_texture_basisu", "EXT_texture_webp"
 
-_READ = {
-    DRACO,
-    *MESHOPT,
-    GLOSS,
-    UNLIT,
-    TRANSMISSION,
-    STRENGTH,
-    TRANSFORM,
-    INSTANCING,
-    BASISU,
-    WEBP,
-    "KHR_mesh_quantization",
-}
+_MATERIALS = {GLOSS, UNLIT, TRANSMISSION, STRENGTH}
+_READ = {DRACO, *MESHOPT, *_MATERIALS, TRANSFORM, INSTANCING, BASISU, WEBP, "KHR_mesh_quantization"}
 _UNSEEN = {"KHR_xmp", "KHR_xmp_json_ld"}
 """Extensions that do not show in a picture."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import FrozenInstanceError, replace
@@ -32,10 +33,11 @@ def stored(data: bytes) -> Any:
 
 
 def counting(calls: list[None]) -> Callable[[], Any]:
-    """Decodes IMAGE, and keeps account of it."""
+    """Decodes IMAGE, which takes a while, and keeps account of it."""
 
     def decode() -> Any:
         calls.append(None)
+        time.sleep(0.01)
         return IMAGE
 
     return decode
