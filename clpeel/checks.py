@@ -22,6 +22,16 @@ MIN_MEMORY = 1 << 20
 """The fewest bytes of memory that a render may be given. Fragments get at least as many, however little is left."""
 
 Rgb = tuple[float, float, float]
+Gradient = tuple[Rgb, Rgb]
+"""The colours at the top edge and at the bottom edge of a picture."""
+
+Background = Rgb | Gradient
+"""What is behind a scene, after its check."""
+
+GivenBackground = Sequence[float] | Sequence[Sequence[float] | str] | str | None
+"""What a user may give: 3 numbers 0..1, text such as "white", a pair (top, bottom) of these, text such as
+"white:#8090a0", or None for none.
+"""
 
 
 def one_of(name: str, value: object, known: Iterable[object]) -> None:
@@ -108,9 +118,35 @@ def checked_rgb(name: str, value: object, or_none: str = "") -> Rgb:
     return red, green, blue
 
 
-def checked_background(background: Sequence[float] | str | None) -> Rgb | None:
-    """Return three numbers 0..1 or None, or raise InputError. The background may be text such as "white"."""
-    return None if background is None else checked_rgb("background", background, " or None")
+def checked_background(background: object) -> Background | None:
+    """Return what a user gave (GivenBackground) as three numbers 0..1, as a pair of these, or as None.
+
+    Raises InputError.
+    """
+    if background is None:
+        return None
+    given = _given_shades(background)
+    if len(given) == 1:
+        return checked_rgb("background", given[0], ", (top, bottom) or None")
+    if len(given) != 2:
+        raise InputError(f"background: expected a colour, or 2 for top and bottom, got {len(given)}: {background!r}")
+    return checked_rgb("background: top", given[0]), checked_rgb("background: bottom", given[1])
+
+
+def _given_shades(background: object) -> Sequence[object]:
+    """Return what may be the colours of a gradient. Else the background is the only one."""
+    if isinstance(background, str):
+        return background.split(":")
+    try:
+        parts = list(background)  # type: ignore[call-overload]
+    except TypeError:
+        return [background]
+    return parts if len(parts) > 1 and any(isinstance(part, Iterable) for part in parts) else [background]
+
+
+def shades_of(background: Background) -> tuple[Rgb, ...]:
+    """Return the colours of a checked background from top to bottom: one or two."""
+    return background if len(background) == 2 else (background,)
 
 
 def checked_size(size: Sequence[int]) -> tuple[int, int]:

@@ -139,7 +139,7 @@ class Judge:
             worst = np.unravel_index(np.nanargmax(np.where(bad, error, -1)), error.shape)
             self.fail(f"{reason}, worst {error[worst]:.3g} at {tuple(map(int, worst))}", got, wanted, bad)
 
-    def image(self, result: Any, background: tuple[float, float, float] | None) -> None:
+    def image(self, result: Any, background: Any) -> None:
         """result.image is its result.color over the background, x 255 + 0.5 and clamped, but for halves float32 misses.
 
         In float32 the sum C + T b, or the quotient, and its product with 255 are off by at most 4 roundings of 255.

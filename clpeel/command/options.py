@@ -118,10 +118,10 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
     )
     add(
         "--background-color",
-        type=values.color,
+        type=values.background,
         default=COMMAND_BACKGROUND,
         metavar="COLOR",
-        help=f"R,G,B in 0..1, #rrggbb or a name (default: {shown}, a light grey)",
+        help=f"{PICTURE['background'].help} (default: {shown}, a light grey)",
     )
     text = "{} of every surface, in place of the file's; once for all files, or once for each, in order"
     add("--opacity", action="append", type=values.opacity, metavar="0..1", help=text.format("opacity"))

@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Callable
 
-from clpeel.checks import AXES, MAX_SIDE
+from clpeel.checks import AXES, MAX_SIDE, checked_background
 from clpeel.errors import InputError
 from clpeel.options import read_color, read_count, read_numbers, read_share
 
@@ -97,6 +97,14 @@ def surface_color(text: str) -> object:
     except argparse.ArgumentTypeError as error:
         hint = "; give it with --opacity" if "alpha" in str(error) else ""
         raise argparse.ArgumentTypeError(f"{error}{hint}") from None
+
+
+def background(text: str) -> object:
+    """Read a colour as `color` does, or two with a colon between them: those at the top and at the bottom."""
+    try:
+        return checked_background(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error).removeprefix("background: ")) from None
 
 
 def port(text: str) -> int:

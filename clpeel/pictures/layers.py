@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.checks import MAX_SIDE, checked_background
+from clpeel.checks import MAX_SIDE, GivenBackground, checked_background
 from clpeel.errors import InputError
 from clpeel.files import write_whole
+from clpeel.pictures.background import rows_of
 from clpeel.pictures.lengths import Lengths
 
 FORMAT = 1
@@ -130,17 +130,15 @@ class Layers:
             through[pixels] *= np.float32(1) - alpha
         return rgb.reshape(height, width, 3), through.reshape(height, width, 1)
 
-    def composite(self, background: Sequence[float] | str | None = (1, 1, 1)) -> NDArray[np.uint8]:
+    def composite(self, background: GivenBackground = (1, 1, 1)) -> NDArray[np.uint8]:
         """Return the picture made from the layers: uint8 [height, width, 4], row 0 on top.
 
-        background: 3 numbers 0..1, or None for straight alpha. If no layer is missing, the bits are those of
-        `Result.image` by `sort` over the same background. Raises InputError if the background is invalid.
+        background: a colour, a pair (top, bottom), or None for straight alpha. If no layer is missing, the bits are
+        those of `Result.image` by `sort` over the same background. Raises InputError if the background is invalid.
         """
         return _shown(*self._blended(), background)
 
-    def picture(
-        self, k: int, background: Sequence[float] | str | None = (1, 1, 1), keep_alpha: bool = False
-    ) -> NDArray[np.uint8]:
+    def picture(self, k: int, background: GivenBackground = (1, 1, 1), keep_alpha: bool = False) -> NDArray[np.uint8]:
         """Return the k-th layer alone, opaque, as in Figure 2 of Bavoil and Myers (2008): uint8 [height, width, 4].
 
         background: as for `composite`. keep_alpha: show the layer with its own alpha instead. Raises InputError if
@@ -162,9 +160,7 @@ class Layers:
         write_whole(path, lambda file: np.savez(file, format=np.int32(FORMAT), size=size, **arrays), ".npz")
 
 
-def _shown(
-    rgb: NDArray[np.float32], through: NDArray[np.float32], background: Sequence[float] | str | None
-) -> NDArray[np.uint8]:
+def _shown(rgb: NDArray[np.float32], through: NDArray[np.float32], background: GivenBackground) -> NDArray[np.uint8]:
     """Return premultiplied colour [h, w, 3] and transmittance [h, w, 1] as a picture: uint8 [h, w, 4].
 
     The operations are those of composite.h, one by one.
@@ -172,7 +168,7 @@ def _shown(
     over = checked_background(background)
     alpha = np.ones_like(through)
     if over is not None:
-        shown = rgb + through * np.array(over, np.float32)
+        shown = rgb + through * rows_of(over, len(rgb)).astype(np.float32)
     else:
         alpha = np.maximum(np.float32(1) - through, np.float32(0))
         shown = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from clpeel.checks import Background
+from clpeel.pictures.background import levels_of
 from clpeel.scene.camera import FLAT, Camera, flat_normal
 from clpeel.scene.materials import NO_MATERIAL
 from clpeel.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 SEEN = 2
 """Steps of 1/255 that nobody sees. A picture that differs from its background by no more is blank."""
@@ -20,7 +17,7 @@ SEEN = 2
 
 def why_blank(
     image: NDArray[np.uint8],
-    background: Sequence[float] | None,
+    background: Background | None,
     scene: Scene,
     camera: Camera,
     covered: int,
@@ -28,7 +25,7 @@ def why_blank(
 ) -> str | None:
     """Why nothing shows in a picture, in one line; None if something does.
 
-    image: uint8 [height, width, 4]. background: three numbers 0..1, or None for straight alpha. covered: 0 if no sample
+    image: uint8 [height, width, 4]. background: as checked, or None for straight alpha. covered: 0 if no sample
     has a surface. discarded: how many triangles have corners that are NaN or infinite.
     """
     if covered == 0:
@@ -45,20 +42,20 @@ def why_blank(
     )
 
 
-def _is_blank(image: NDArray[np.uint8], background: Sequence[float] | None) -> bool:
+def _is_blank(image: NDArray[np.uint8], background: Background | None) -> bool:
     """Whether to the eye all pixels are the background.
 
     The middle row is examined first: in most pictures that are not blank it already differs.
     """
     if background is None:
         return bool((image[len(image) // 2, :, 3] <= SEEN).all() and (image[..., 3] <= SEEN).all())
-    level = (np.array([*background, 1.0]) * 255 + 0.5).astype(np.int16)
-    low, high = (np.clip(level + step, 0, 255).astype(np.uint8) for step in (-SEEN, SEEN))
+    levels = levels_of(background, len(image)).astype(np.int16)
+    low, high = (np.clip(levels + step, 0, 255).astype(np.uint8) for step in (-SEEN, SEEN))
 
-    def alike(part: NDArray[np.uint8]) -> bool:
-        return bool(((part >= low) & (part <= high)).all())
+    def alike(row: int) -> bool:
+        return bool(((image[row] >= low[row]) & (image[row] <= high[row])).all())
 
-    return alike(image[len(image) // 2]) and all(alike(row) for row in image)
+    return alike(len(image) // 2) and all(alike(row) for row in range(len(image)))
 
 
 def _is_wholly_transparent(scene: Scene) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, cast
 
 from clpeel import checks
-from clpeel.checks import MAX_SIDE, Rgb, checked_background, checked_size
+from clpeel.checks import MAX_SIDE, Background, GivenBackground, Rgb, checked_background, checked_size
 from clpeel.device.layout import DepthFormat
 from clpeel.errors import InputError
 from clpeel.options import MEMORY, Kind, Options, option
@@ -32,7 +32,7 @@ def _checked_size(name: str, value: object) -> object:
 
 
 def _checked_background(name: str, value: object) -> object:
-    return checked_background(cast(Sequence[float], value))
+    return checked_background(value)
 
 
 def checked_layers(name: str, value: object) -> bool:
@@ -46,17 +46,18 @@ def checked_layers(name: str, value: object) -> bool:
 class PictureOptions(Options):
     """The options of all pictures, whatever the technique.
 
-    size: (width, height) in pixels. background: three numbers 0..1, text such as "white", or None for straight alpha.
-    memory: bytes of the device's memory that the scene and all buffers except the picture may take, or text such as
-    "512M"; None for a share of the device's memory. execution: "tiles" makes all passes of a tile in one kernel.
-    "passes" is the papers' machine: launches over all fragments and all pixels, with atomics as the blending hardware.
+    size: (width, height) in pixels. background: three numbers 0..1, text such as "white", a pair of these for a
+    gradient from top to bottom, or None for straight alpha. memory: bytes of the device's memory that the scene and all
+    buffers except the picture may take, or text such as "512M"; None for a share of the device's memory. execution:
+    "tiles" makes all passes of a tile in one kernel. "passes" is the papers' machine: launches over all fragments and
+    all pixels, with atomics as the blending hardware.
     """
 
     size: Size = option((1024, 1024), Kind(_checked_size, metavar="W,H"), help="width and height in pixels")
-    background: Sequence[float] | str | None = option(
+    background: GivenBackground = option(
         (1.0, 1.0, 1.0),
         Kind(_checked_background, metavar="COLOR"),
-        help="R,G,B in 0..1, #rrggbb or a name",
+        help="R,G,B in 0..1, #rrggbb or a name; TOP:BOTTOM for a gradient",
     )
     lighting: Lighting = option("none", help="the colours as given, or a light at the camera")
     samples: Literal[1, 4, 16, 64, 256] = option(
@@ -95,8 +96,8 @@ class PictureOptions(Options):
         return SAMPLES_A_SIDE[self.samples]
 
     @property
-    def over(self) -> Rgb | None:
-        """The background as three numbers 0..1, or None."""
+    def over(self) -> Background | None:
+        """The background as it was checked."""
         return checked_background(self.background)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import wraps
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
+from clpeel.checks import GivenBackground
 from clpeel.device.building import at_work, keep
 from clpeel.device.cache import take_notes
 from clpeel.device.devices import check_process, open_device
@@ -131,7 +132,7 @@ class Renderer:
         camera: Camera | None = None,
         size: Size = (1024, 1024),
         technique: str = "sort",
-        background: Sequence[float] | str | None = (1.0, 1.0, 1.0),
+        background: GivenBackground = (1.0, 1.0, 1.0),
         lighting: Lighting = "none",
         *,
         progress: Progress | None = None,
@@ -140,10 +141,11 @@ class Renderer:
         """Renders the scene.
 
         camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
-        `clpeel.techniques.TECHNIQUES`, or "auto". background: 3 numbers 0..1, text such as "white", or None for
-        straight alpha. lighting: "none" (colours as given) or "headlight". progress: called with the share done (0..1)
-        and a text. options: those of all pictures (rendering.options.PictureOptions) and those of the technique (its
-        `options`). Editors complete them from rendering/keywords.py.
+        `clpeel.techniques.TECHNIQUES`, or "auto". background: 3 numbers 0..1, text such as "white", a pair of these for
+        a gradient from top to bottom, or None for straight alpha. lighting: "none" (colours as given) or "headlight".
+        progress: called with the share done (0..1) and a text. options: those of all pictures
+        (rendering.options.PictureOptions) and those of the technique (its `options`). Editors complete them from
+        rendering/keywords.py.
 
         Threads may share a Renderer: they take turns. Raises InputError if an option is wrong, if memory is too small
         for one pixel's fragments, or if the scene has too many triangles. Raises DeviceError in a process that was
@@ -246,7 +248,7 @@ def render(
     camera: Camera | None = None,
     size: Size = (1024, 1024),
     technique: str = "sort",
-    background: Sequence[float] | str | None = (1.0, 1.0, 1.0),
+    background: GivenBackground = (1.0, 1.0, 1.0),
     lighting: Lighting = "none",
     *,
     device: int | str | None = None,

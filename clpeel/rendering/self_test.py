@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clpeel.checks import Background
 from clpeel.device.cache import key_of
 from clpeel.device.layout import DEPTH_FORMATS, TILE_PIXELS, Features
 from clpeel.device.program import lacks, source
@@ -24,6 +25,7 @@ from clpeel.device.verdicts import Kind, Parts, Verdict, verdicts_of
 from clpeel.device.workspace import Workspace
 from clpeel.errors import DeviceError
 from clpeel.options import Options
+from clpeel.pictures.background import rows_of
 from clpeel.rendering.known_layers import (
     FACES,
     FAR,
@@ -52,8 +54,12 @@ if TYPE_CHECKING:
 SKIP = "CLPEEL_SKIP_CHECK"
 """The environment variable that lets pictures be made without a test. Empty or 0 means that they are tested."""
 
-BACKGROUND = (0.25, 0.5, 1.0)
-"""Behind the known layers, if the picture has a background."""
+BACKGROUNDS: dict[str, Background | None] = {
+    "colour": (0.25, 0.5, 1.0),
+    "gradient": ((0.25, 0.5, 1.0), (1.0, 0.125, 0.5)),
+    "none": None,
+}
+"""Behind the known layers, by the kind of the picture's background."""
 
 MAX_ERROR = 0.125
 """Which layers are skipped, if the picture skips any."""
@@ -209,10 +215,12 @@ def _test_of(request: Request, triangles: Triangles, gpu: Workspace) -> _Test:
     )
     own = dict(_settled(request.options))
     shared = {name: value for name, value in request.picture.given() if name not in NOT_IN_TESTS}
-    straight = request.picture.over is None
-    given = {**own, **shared, "background": None if straight else BACKGROUND}
+    over = request.picture.over
+    kind = "none" if over is None else "colour" if len(over) == 3 else "gradient"
+    given = {**own, **shared, "background": BACKGROUNDS[kind]}
+    way = {} if kind == "colour" else {"background": kind}
     return _Test(
-        parts=_parts(request, wanted, gpu, {**own, **shared, **({"background": None} if straight else {})}),
+        parts=_parts(request, wanted, gpu, {**own, **shared, **way}),
         wanted=wanted,
         request=request,
         options=type(request.options)(**own),
@@ -379,7 +387,7 @@ class _Comparison:
         self._note(np.asarray(error > np.where(exact, CLOSE, bound)), name, got, want, wrong=True)
         self._note(exact & (error > 0), name, got, want, wrong=False)
 
-    def image(self, image: NDArray[np.uint8], color: Floats, background: Any, bound: Floats) -> None:
+    def image(self, image: NDArray[np.uint8], color: Floats, background: Background | None, bound: Floats) -> None:
         """Compares the 8-bit picture with what a colour, premultiplied and with alpha, becomes over the background.
 
         The sum or quotient and the product with 255 are off by 4 roundings of 255 more. A quotient's error weighs the
@@ -391,7 +399,8 @@ class _Comparison:
             shown = np.concatenate([straight, alpha], axis=-1)
             slack = 2 * bound[..., None] / np.maximum(alpha, ROUNDING) + 4 * ROUNDING
         else:
-            shown = np.concatenate([color[..., :3] + (1 - alpha) * np.array(background), np.ones_like(alpha)], axis=-1)
+            behind = rows_of(background, len(color))
+            shown = np.concatenate([color[..., :3] + (1 - alpha) * behind, np.ones_like(alpha)], axis=-1)
             slack = 2 * bound[..., None] + 4 * ROUNDING
         low, high = (np.clip(np.floor((shown + sign * slack) * 255 + 0.5), 0, 255) for sign in (-1, 1))
         self._note((image < low) | (image > high), "8-bit colour", image, np.clip(shown, 0, 1) * 255, wrong=True)

@@ -10,15 +10,19 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import DTypeLike, NDArray
 
-from clpeel.checks import Rgb
+from clpeel.checks import Background, shades_of
 from clpeel.device.program import Arguments
 from clpeel.device.workspace import Workspace
+from clpeel.pictures.background import rows_of
 
 Map = NDArray[Any]
 """A map [height, width] that a technique makes. Its dtype is that of its values."""
 
 CACHE_LINE = 64
 """Bytes of a cache line of the device, or a multiple of that."""
+
+ROW_BYTES = 16
+"""Bytes of the background of a row on the device: a float4."""
 
 
 def _aligned(shape: tuple[int, ...], dtype: DTypeLike) -> Map:
@@ -97,25 +101,30 @@ class Picture:
         """Whether nobody else refers to its arrays or to a view of them. Only then may it be drawn over."""
         return self._references() == self._own_references
 
-    def begin(self, side: int, background: Rgb | None) -> Arguments:
+    def begin(self, side: int, background: Background | None) -> Arguments:
         """The arguments of a kernel that composites tiles into the picture (composite.h).
 
         side: a pixel is the mean of side x side samples; a power of two. background: None for straight alpha.
         """
-        red, green, blue = background or (0.0, 0.0, 0.0)
+        rows = None if background is None else self._rows(background)
         self._clamped = self.gpu.put("clamped", np.zeros(1, np.uint32))
         return {
             "side_bits": side.bit_length() - 1,
-            "red": red,
-            "green": green,
-            "blue": blue,
-            "has_background": background is not None,
+            "background": rows,
+            "gradient": rows is not None and rows.size > ROW_BYTES,
             "clamped": self._clamped,
             "image": self._image,
             "color": self._color,
             "parameters": None,  # Canvas.arguments replaces it for techniques that have parameters
             "values": self._values,
         }
+
+    def _rows(self, background: Background) -> cl.Buffer:
+        """The background of each row on the device: float32 [height, 4], or [1, 4] if it is no gradient."""
+        height = self.size[1] if len(shades_of(background)) > 1 else 1
+        rows = rows_of(background, height)[:, 0].astype(np.float32)
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self.gpu.context, flags, hostbuf=np.pad(rows, ((0, 0), (0, 1))))
 
     def fetch(self) -> int:
         """Waits for the device, and brings everything that was drawn to the host's arrays.

@@ -43,10 +43,8 @@ PLANE_PADDING = 16
 HELD = (
     "screen",
     "side_bits",
-    "red",
-    "green",
-    "blue",
-    "has_background",
+    "background",
+    "gradient",
     "clamped",
     "image",
     "color",

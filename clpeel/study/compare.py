@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.checks import Rgb, whole_number
+from clpeel.checks import Background, GivenBackground, whole_number
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
 from clpeel.pictures.layers import Layers
@@ -41,7 +41,7 @@ def compare(
     budgets: Iterable[int] = (),
     frames: int = 5,
     *,
-    background: Sequence[float] | str = (1, 1, 1),
+    background: GivenBackground = (1, 1, 1),
     lighting: Lighting = "none",
     opaque: Opaque = "first",
     memory: int | str | None = None,
@@ -310,7 +310,7 @@ def judged(
     result: Result,
     right: NDArray[np.float64],
     right_image: NDArray[np.uint8],
-    background: Rgb,
+    background: Background,
     pictures: bool,
 ) -> dict[str, Any]:
     """Return the figures of `Row` that one picture shows. right, right_image: the truth as it is displayed."""

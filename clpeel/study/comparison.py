@@ -7,13 +7,14 @@ import io
 import json
 import math
 import statistics
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clpeel.checks import Background
+from clpeel.pictures.background import rows_of
 from clpeel.study.tables import COLUMNS, aligned
 from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
 
@@ -126,7 +127,7 @@ class Comparison:
 
     rows: list[Row]
     truth: NDArray[np.float64]
-    background: tuple[float, float, float]
+    background: Background
     lighting: str
     opaque: str
     triangles: int
@@ -241,7 +242,7 @@ def named(technique: str, precision: str | None, budget: int | None) -> str:
     return ", ".join([technique, *filter(None, told)])
 
 
-def shown(color: NDArray[np.floating], background: Sequence[float]) -> NDArray[np.float64]:
+def shown(color: NDArray[np.floating], background: Background) -> NDArray[np.float64]:
     """Return premultiplied RGBA [height, width, 4] over the background, clamped to 0..1: float64 [height, width, 3]."""
     color = color.astype(np.float64)
-    return np.clip(color[..., :3] + (1 - color[..., 3:]) * np.asarray(background, np.float64), 0, 1)
+    return np.clip(color[..., :3] + (1 - color[..., 3:]) * rows_of(background, len(color)), 0, 1)

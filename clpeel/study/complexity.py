@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.checks import checked_background
+from clpeel.checks import GivenBackground, checked_background
 from clpeel.device.layout import ALL_LAYERS
 from clpeel.errors import InputError
+from clpeel.pictures.background import levels_of
 from clpeel.pictures.colormap import colors_at
 from clpeel.pictures.png import save_png
 from clpeel.pictures.scale_bar import draw_scale_bar
@@ -155,24 +155,26 @@ class Complexity:
             "techniques": [asdict(need) for need in self.needs],
         }
 
-    def image(self, background: Sequence[float] | str | None = (1, 1, 1), scale_bar: bool = True) -> NDArray[np.uint8]:
+    def image(self, background: GivenBackground = (1, 1, 1), scale_bar: bool = True) -> NDArray[np.uint8]:
         """Return a heat map: uint8 [height, width, 4]. Covered pixels have the colour of their number of layers.
 
-        The colours range from 0 layers to the most layers (at least 1). background: 3 numbers 0..1, or None for a
-        transparent one; else raises InputError. scale_bar: whether to draw one into the emptiest corner, if there is
-        room.
+        The colours range from 0 layers to the most layers (at least 1). background: a colour, a pair (top, bottom), or
+        None for a transparent one; else raises InputError. scale_bar: whether to draw one into the emptiest corner, if
+        there is room.
         """
         over = checked_background(background)
         most = max(self.max, 1)
         colors = np.concatenate([colors_at(np.arange(most + 1) / most), np.ones((most + 1, 1))], axis=-1)
         palette = (colors * 255 + 0.5).astype(np.uint8)
         image = np.empty((*self.layers.shape, 4), np.uint8)
-        rows = max(STRIP_PIXELS // self.layers.shape[1], 1)
+        height, width = self.layers.shape
+        behind = np.zeros((height, 1, 4), np.uint8) if over is None else levels_of(over, height)
+        rows = max(STRIP_PIXELS // width, 1)
         for top in range(0, len(image), rows):
             strip = slice(top, top + rows)
             image[strip] = palette[self.layers[strip]]
             empty = ~((self.layers[strip] > 0) | self.opaque[strip])
-            image[strip][empty] = (0, 0, 0, 0) if over is None else (np.array([*over, 1]) * 255 + 0.5).astype(np.uint8)
+            image[strip][empty] = np.broadcast_to(behind[strip], image[strip].shape)[empty]
         if scale_bar:
             draw_scale_bar(image, 0, most, "layers", (self.layers > 0) | self.opaque, False, whole=True)
         return image

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from clpeel.checks import Rgb
+from clpeel.checks import Background
 from clpeel.device.layout import FRAGMENT_BYTES
 from clpeel.techniques.maps import MapOptions, paint
 from clpeel.techniques.technique import Technique
@@ -37,7 +37,9 @@ class LayerCount(Technique[MapOptions]):
         """Needs no colours, so no fragment needs one of its own."""
         return frame.without_colors().once(batch, self.kernel, {})
 
-    def finish(self, picture: Picture, triangles: Triangles, background: Rgb | None, options: MapOptions) -> Finished:
+    def finish(
+        self, picture: Picture, triangles: Triangles, background: Background | None, options: MapOptions
+    ) -> Finished:
         """The map, and the picture: 0 to the most layers, at least 1, along the colour map."""
         from clpeel.pictures.scale_bar import draw_scale_bar
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
 
-from clpeel.checks import Rgb
+from clpeel.checks import Background
 from clpeel.device.layout import FRAGMENT_BYTES, Targets
 from clpeel.options import Options, options_of
 from clpeel.techniques.precision import DEFAULT_PRECISION, Blending, PrecisionName
@@ -98,7 +98,7 @@ class Technique(Generic[O]):
         """Draws a batch of tiles into the frame's picture."""
         raise NotImplementedError
 
-    def finish(self, picture: Picture, triangles: Triangles, background: Rgb | None, options: O) -> Finished:
+    def finish(self, picture: Picture, triangles: Triangles, background: Background | None, options: O) -> Finished:
         """Makes the maps of what was drawn. By default there are none, and the picture stays as it was drawn."""
         return picture.finished()
 

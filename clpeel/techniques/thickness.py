@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 
-from clpeel.checks import Rgb
+from clpeel.checks import Background
 from clpeel.device.layout import FRAGMENT_BYTES, Targets
 from clpeel.errors import InputError
 from clpeel.options import RANGE, Options, option
@@ -125,7 +125,7 @@ class Thickness(Measuring[ThicknessOptions]):
         return self.measure(frame.without_colors(), batch, options.variant, options.projected)
 
     def finish(
-        self, picture: Picture, triangles: Triangles, background: Rgb | None, options: ThicknessOptions
+        self, picture: Picture, triangles: Triangles, background: Background | None, options: ThicknessOptions
     ) -> Finished:
         """Makes the maps, and the picture: the thickness in colours, as the mean over a pixel's covered samples.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from clpeel.checks import Rgb
+from clpeel.checks import Background, Rgb
 from clpeel.options import COLOR, not_negative, option
 from clpeel.techniques.precision import Blending
 from clpeel.techniques.thickness import Measuring, Variant, device_scale, maps_of
@@ -62,7 +62,7 @@ class Translucency(Measuring[TranslucencyOptions]):
         return self.measure(frame, batch, options.variant, parameters=parameters, constants=options.constants)
 
     def finish(
-        self, picture: Picture, triangles: Triangles, background: Rgb | None, options: TranslucencyOptions
+        self, picture: Picture, triangles: Triangles, background: Background | None, options: TranslucencyOptions
     ) -> Finished:
         """Makes the maps. The picture stays as it was drawn."""
         maps, stats = maps_of(picture, 1 / device_scale(triangles))

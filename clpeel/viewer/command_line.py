@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from clpeel.checks import checked_background
+from clpeel.checks import checked_background, shades_of
 from clpeel.options import Option, options_of
 from clpeel.rendering.options import COMMAND_BACKGROUND
 from clpeel.rendering.request import all_options
@@ -54,7 +54,7 @@ def _flags(view: View, technique: str) -> Iterator[str]:
     if over is None:
         yield "--no-background"
     elif over != COMMAND_BACKGROUND:
-        yield f"--background-color={_numbers(over)}"
+        yield f"--background-color={':'.join(map(_numbers, shades_of(over)))}"
     if view.lighting == "none":
         yield "--unlit"
     owners = (*all_options(), options_class(technique))  # the technique's own come last, as defaults may differ

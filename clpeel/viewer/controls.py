@@ -262,7 +262,7 @@ def _set_opacity(view: View, value: object) -> View:
 
 
 def _set_background(view: View, value: object) -> View:
-    return replace(view, background=checked_background(value))  # type: ignore[arg-type]
+    return replace(view, background=checked_background(value))
 
 
 def _set_lighting(view: View, value: object) -> View:

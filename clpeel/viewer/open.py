@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Literal, cast
 
-from clpeel.checks import checked_size, one_of
+from clpeel.checks import GivenBackground, checked_background, checked_size, one_of
 from clpeel.errors import InputError
 from clpeel.rendering.options import Lighting, Size
 from clpeel.rendering.request import checked_options
@@ -41,7 +41,7 @@ def view(
     camera: Camera | Framing | None = None,
     size: Size = (1024, 768),
     technique: str = "sort",
-    background: Sequence[float] | str | None = (1.0, 1.0, 1.0),
+    background: GivenBackground = (1.0, 1.0, 1.0),
     lighting: Lighting = "headlight",
     *,
     backend: Backend | None = None,
@@ -77,7 +77,7 @@ def view(
     framing = framing_of(scene, camera)
     camera = framing(size)
     checked_options(technique, {"size": size, "background": background, "lighting": lighting, **options})
-    shown = View(camera, size, technique, options, background, lighting, turning=turning)
+    shown = View(camera, size, technique, options, checked_background(background), lighting, turning=turning)
     from clpeel.viewer.viewer import Viewer
 
     warn = warn or (lambda text: print(text, file=sys.stderr))

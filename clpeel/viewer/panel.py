@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from clpeel.checks import shades_of
 from clpeel.viewer.controls import BACKGROUNDS, OPACITY_STEP
 from clpeel.viewer.status import LABELS, Status, description
 
@@ -62,7 +63,7 @@ def text_of(name: str, value: Any) -> str:
     if name == "max_error":
         return "1/255" if value == 1 / 255 else f"{value:g}"
     if name == "background":
-        return "#" + "".join(f"{round(part * 255):02x}" for part in value)
+        return ":".join("#" + "".join(f"{round(part * 255):02x}" for part in each) for each in shades_of(value))
     return str(value)
 
 

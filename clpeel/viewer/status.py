@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from clpeel.checks import checked_background
+from clpeel.checks import Background, checked_background, shades_of
 from clpeel.options import options_of
 from clpeel.rendering.request import all_options
 from clpeel.rendering.result import left_out
@@ -47,12 +47,20 @@ def settings(view: View) -> dict[str, Any]:
         "technique": view.technique,
         "shows": view.shows,
         "opacity": view.opacity,
-        "background": None if view.background is None else list(checked_background(view.background) or ()),
+        "background": _listed(checked_background(view.background)),
         "lighting": view.lighting,
         "orthographic": view.camera.orthographic,
         "turning": view.turning,
         **own,
     }
+
+
+def _listed(background: Background | None) -> list[Any] | None:
+    """Return three numbers, or two lists of three for a gradient, as JSON gives them back."""
+    if background is None:
+        return None
+    shades = [list(each) for each in shades_of(background)]
+    return shades if len(shades) > 1 else shades[0]
 
 
 def description() -> dict[str, Any]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from clpeel.checks import GivenBackground
 from clpeel.options import options_of
 from clpeel.rendering.options import Lighting, PictureOptions, Size
 from clpeel.rendering.request import checked_options
@@ -35,7 +36,7 @@ class View:
     size: Size
     technique: str = "sort"
     options: Mapping[str, object] = field(default_factory=dict)
-    background: Sequence[float] | str | None = (1.0, 1.0, 1.0)
+    background: GivenBackground = (1.0, 1.0, 1.0)
     lighting: Lighting = "headlight"
     opacity: float | None = None
     shows: Shows = "picture"

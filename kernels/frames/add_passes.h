@@ -55,7 +55,7 @@ kernel void blend_in_order(uint first_tile, uint first_pixel, uint last_pixel, g
 
 // first_tile, behind: see frames/peel_passes.h. tile_layers: the depth complexity of each tile's deepest pixel.
 kernel void merge_sums(Screen screen, uint first_tile, global const Colors *sums, global const uint *depth, global const Colors *behind,
-                       global uint *tile_layers, int side_bits, float red, float green, float blue, int has_background,
+                       global uint *tile_layers, int side_bits, global const float4 *background, int gradient,
                        volatile global uint *clamped, global uint *image, global float4 *color)
 {
     local Colors layer[TILE_PIXELS / STRIP];
@@ -80,8 +80,7 @@ kernel void merge_sums(Screen screen, uint first_tile, global const Colors *sums
     BARRIER;
     if (LANE == 0) tile_layers[tile] = deepest;
     uint beyond_one = composite_tile(layer, screen.first_tile + first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                                     screen.height >> side_bits, (float4)(red, green, blue, (float)has_background),
-                                     image, color);
+                                     screen.height >> side_bits, background, gradient, image, color);
     if (beyond_one) atomic_add(clamped, beyond_one);
 }
 

@@ -55,7 +55,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                  global const int *material_of, global const Material *materials, global const uint *textures,
                  uint most_passes, uint most_repeats,
                  int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals, int side_bits,
-                 float red, float green, float blue, int has_background, volatile global uint *clamped,
+                 global const float4 *background, int gradient, volatile global uint *clamped,
                  global uint *image, global float4 *color, global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
@@ -178,8 +178,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         BARRIER;
         for (int k = lane; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];
         uint beyond_one = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                                         screen.height >> side_bits, (float4)(red, green, blue, (float)has_background),
-                                         image, color);
+                                         screen.height >> side_bits, background, gradient, image, color);
         if (beyond_one) atomic_add(clamped, beyond_one);
 #if VALUES
         store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,

@@ -42,7 +42,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  global const int *material_of, global const Material *materials, global const uint *textures,
                  uint layers_before, uint rows, uint slab,
                  global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
-                 int side_bits, float red, float green, float blue, int has_background, volatile global uint *clamped,
+                 int side_bits, global const float4 *background, int gradient, volatile global uint *clamped,
                  global uint *image, global float4 *color, global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
@@ -184,8 +184,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         if (empty && lane == 0) tile_totals[tile] = (uint4)(0, 0, solid, 0);
         if (wanted && deepest + LIST_GAP <= slab) {
             uint beyond = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                                         screen.height >> side_bits, (float4)(red, green, blue, (float)has_background),
-                                         image, color);
+                                         screen.height >> side_bits, background, gradient, image, color);
             if (beyond) atomic_add(clamped, beyond);
 #if VALUES
             store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,

@@ -2,7 +2,9 @@
 // picture.
 //
 // Over a background b a pixel becomes C + T b. Without one it becomes straight: colour C / (1 - T) and alpha 1 - T. A
-// pixel of the picture is the mean of side x side samples of the layer. `side` divides TILE, so these share a tile.
+// pixel of the picture is the mean of side x side samples of the layer. `side` divides TILE, so these share a tile. In a
+// gradient b differs from row to row of the picture. The host computes it (pictures/background.py), so that it has the
+// same bits on every device.
 #ifndef COMPOSITE_H
 #define COMPOSITE_H
 
@@ -83,14 +85,23 @@ INLINE void store_values(local const Found *found, uint tile, int columns, int s
 typedef uint4 RowBytes __attribute__((aligned(4)));
 typedef float16 RowColors __attribute__((aligned(16)));
 
-// tile: its number in the picture. layer: its strips. side_bits: log2 of `side`. width, height: of the picture, in
-// pixels. background: red, green, blue, and 1; all 0 for straight alpha. color: premultiplied colours and alpha without
-// the background, or NULL if nobody wants them. Returns how many of the lane's pixels have a negative transmittance, so
-// that their colours are clamped.
-INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height,
-                           float4 background, global uint *image, global float4 *color)
+// The column and the row in its tile of pixel p of the picture: of a block where pixels are samples, else of the tile row
+// by row. bits: log2 of the tile's side in pixels.
+INLINE uint2 place_in_tile(uint p, uint side, uint bits)
 {
-    const float red = background.x, green = background.y, blue = background.z;
+    uint block = p / BLOCK_PIXELS;
+    if (side > 1) return (uint2)(p & ((1u << bits) - 1), p >> bits);
+    return (uint2)(block % BLOCKS_A_ROW * BLOCK + p % BLOCK, block / BLOCKS_A_ROW * BLOCK + p % BLOCK_PIXELS / BLOCK);
+}
+
+// tile: its number in the picture. layer: its strips. side_bits: log2 of `side`. width, height: of the picture, in
+// pixels. background: red, green and blue of each row of the picture; of all rows if `gradient` is 0; NULL for straight
+// alpha. color: premultiplied colours and alpha without the background, or NULL if nobody wants them. Returns how many of
+// the lane's pixels have a negative transmittance, so that their colours are clamped.
+INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height,
+                           global const float4 *background, int gradient, global uint *image, global float4 *color)
+{
+    const float4 first = background ? *background : (float4)(0.0f);
     uint bits = TILE_BITS - side_bits, side = 1u << side_bits, clamped = 0;
     uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
     bool whole = side == 1 && left + TILE <= (uint)width && top + TILE <= (uint)height;
@@ -104,9 +115,14 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
             SET_ELEMENT(float, pixel.blue, k, mean.z), SET_ELEMENT(float, pixel.alpha, k, mean.w);
         }
         VECTOR(float) alpha = 1.0f - pixel.alpha;
+        VECTOR(float) red = (VECTOR(float))(first.x), green = (VECTOR(float))(first.y), blue = (VECTOR(float))(first.z);
+        PLAIN_LOOP for (uint k = 0; gradient && k < STRIP; ++k) {
+            float4 row = background[MIN(top + place_in_tile(q + k, side, bits).y, (uint)height - 1)];
+            SET_ELEMENT(float, red, k, row.x), SET_ELEMENT(float, green, k, row.y), SET_ELEMENT(float, blue, k, row.z);
+        }
         Colors shown = {pixel.red + pixel.alpha * red, pixel.green + pixel.alpha * green, pixel.blue + pixel.alpha * blue,
                         (VECTOR(float))(1.0f)};
-        if (background.w == 0.0f) {
+        if (!background) {
             VECTOR(int) some = alpha > (VECTOR(float))(0.0f);
             shown.red = some ? pixel.red / alpha : (VECTOR(float))(0.0f);
             shown.green = some ? pixel.green / alpha : (VECTOR(float))(0.0f);
@@ -135,10 +151,9 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
         }
 #endif
         PLAIN_LOOP for (uint k = 0; k < STRIP; ++k) {
-            uint p = q + k, block = p / BLOCK_PIXELS;
-            uint x = side > 1 ? p & ((1u << bits) - 1) : block % BLOCKS_A_ROW * BLOCK + p % BLOCK;
-            uint y = side > 1 ? p >> bits : block / BLOCKS_A_ROW * BLOCK + p % BLOCK_PIXELS / BLOCK;
-            x += left, y += top;
+            uint p = q + k;
+            uint2 place = place_in_tile(p, side, bits);
+            uint x = left + place.x, y = top + place.y;
             if (p >= 1u << 2 * bits || x >= (uint)width || y >= (uint)height) continue;
             size_t at = (size_t)y * width + x;
             image[at] = ELEMENT(uint, bytes, k);

@@ -10,7 +10,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  global const float *weights, global const float *normals, global const float *uv,
                  global const int *material_of, global const Material *materials, global const uint *textures,
                  global uint *tile_samples, int side_bits,
-                 float red, float green, float blue, int has_background, volatile global uint *clamped,
+                 global const float4 *background, int gradient, volatile global uint *clamped,
                  global uint *image, global float4 *color, global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
@@ -37,7 +37,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         BARRIER;
         if (LANE == 0) tile_samples[tile] = solid;
         composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                       screen.height >> side_bits, (float4)(red, green, blue, (float)has_background), image, color);
+                       screen.height >> side_bits, background, gradient, image, color);
         BARRIER;
     }
 }

@@ -188,6 +188,7 @@ def test_runs_against_the_installed_package() -> None:
         ("--color", "1,0.5,0", [(1, 0.5, 0)]),
         ("--color", "#ff0000", [(1, 0, 0)]),
         ("--background-color", "white", (1, 1, 1)),
+        ("--background-color", "white:0,0.5,1", ((1, 1, 1), (0, 0.5, 1))),
         ("--technique", "sort", "sort"),
         ("--memory", "512M", "512M"),
         ("--device", "1", "1"),
@@ -244,6 +245,9 @@ def test_any_vector_passes_unharmed(vector: tuple[float, float, float]) -> None:
         (["a.ply", "--color", "0,0"], "--color: expected R,G,B"),
         (["a.ply", "--color", "no-such-colour"], "--color: expected R,G,B"),
         (["a.ply", "--background-color", "#12"], "--background-color: expected R,G,B"),
+        (["a.ply", "--background-color", "white:"], "--background-color: bottom: expected R,G,B"),
+        (["a.ply", "--background-color", "red:blu"], "got 'blu'; did you mean blue?"),
+        (["a.ply", "--background-color", "red:white:blue"], "--background-color: expected a colour, or 2 for top and"),
         (["a.ply", "--color", "#11223344"], "--opacity"),
         (["a.ply", "--camera-position", "1,2"], "expected X,Y,Z"),
         (["a.ply", "--camera-position", "1,2,inf"], "expected X,Y,Z"),
@@ -848,6 +852,15 @@ def test_report_names_versions_and_devices(capfd: Any) -> None:
     out = capfd.readouterr().out
     for name in ("python", "clpeel", "pyopencl", "numpy", "trimesh", "Pillow", "system", "processor", "platform"):
         assert name in out
+
+
+def test_renders_over_a_gradient(mesh: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out.png"
+    words = "--resolution 64,48 --camera-direction -1,-1,-1 --background-color 0,1,0:#ff0000"
+    assert cli.main(["render", str(mesh), "-o", str(output), *words.split()]) == 0
+    column = pixels(output)[:, 0].astype(float)
+    way = (np.arange(48) + 0.5) / 48
+    assert np.abs(column[:, 0] - way * 255).max() <= 0.501 and np.abs(column[:, 1] - (1 - way) * 255).max() <= 0.501
 
 
 def test_renders_a_file(mesh: Path, tmp_path: Path, capfd: Any) -> None:

@@ -35,6 +35,7 @@ def notes(scene: Scene, camera: Camera | None = FACING, **options: Any) -> list[
         (square((1.0, 0.0, 0.0), 1e-3), FACING, {}, "or are too transparent to be seen"),
         (square((1.0, 0.0, 0.0), 1e-3), FACING, {"background": None}, "too transparent to be seen"),
         (square((0.0, 0.0, 0.0)), FACING, {"background": "black"}, "its surfaces have the background's colour"),
+        (square(opacity=1e-3), FACING, {"background": "red:blue"}, "its surfaces have the background's colour"),
         (square(), EDGE_ON, {}, "its mesh is flat and seen edge-on"),
         (square(), EDGE_ON, {"technique": "thickness"}, "its mesh is flat and seen edge-on"),
         (square(), Camera((3, 0.5, 0), (0.5, 0.5, 0), orthographic=True), {}, "its mesh is flat and seen edge-on"),
@@ -52,6 +53,10 @@ def notes(scene: Scene, camera: Camera | None = FACING, **options: Any) -> list[
 def test_a_blank_picture_says_why(scene: Scene, camera: Camera, options: dict[str, Any], says: str) -> None:
     (note,) = notes(scene, camera, **options)
     assert note.startswith("the picture is blank: ") and says in note
+
+
+def test_a_surface_of_one_of_a_gradients_colours_shows() -> None:
+    assert notes(square((1.0, 0.0, 0.0)), background="red:blue") == []
 
 
 @pytest.mark.parametrize("technique", list(TECHNIQUES))

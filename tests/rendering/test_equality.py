@@ -61,8 +61,11 @@ def test_sizes(size: tuple[int, int], seed: int, lanes: int, judge: Judge) -> No
     judge.against_twin(render(soup, ASIDE, size, lanes), soup, ASIDE, size)
 
 
-@pytest.mark.parametrize("background", [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0), (0.2, 0.5, 0.9), None])
-def test_backgrounds(background: tuple[float, float, float] | None, lanes: int, judge: Judge) -> None:
+GRADIENT = ((1.0, 0.9, 0.2), (0.1, 0.3, 0.6))
+
+
+@pytest.mark.parametrize("background", [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0), (0.2, 0.5, 0.9), GRADIENT, None])
+def test_backgrounds(background: Any, lanes: int, judge: Judge) -> None:
     # Straight alpha magnifies what is off at an edge where little is covered, so few triangles.
     soup = soups.random(11, 6, "large", "flat")
     result = render(soup, ASIDE, (128, 128), lanes, background=background)

@@ -65,6 +65,8 @@ def layers(
     return Wanted(Features(1, rate, packed), surfaces, perspective, False, cut)
 
 
+GRADIENT = ("white", "steelblue")
+
 # Each technique with each of its options that kernels are compiled for or launched by, and each feature, once at least.
 PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
     (layers(), "sort", {}),
@@ -86,7 +88,7 @@ PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
     (layers("vertex", "mixed"), "multi-layer-peeling", {"layers_per_pass": 3, "precision": "half"}),
     (layers(), "multi-layer-peeling", {"layers_per_pass": 2, "passes": 1}),
     (layers(packed=False), "multi-layer-peeling", {"hazard_window": 2, "layers_per_pass": 2}),
-    (layers("scene"), "glowscript", {"lighting": "headlight"}),
+    (layers("scene"), "glowscript", {"lighting": "headlight", "background": GRADIENT}),
     (layers("face", "mixed", packed=False), "glowscript", {"passes": 2, "precision": "unorm8"}),
     (layers(), "thickness", {}),
     (layers(perspective=False), "thickness", {"variant": "total", "samples": 4}),
@@ -95,7 +97,7 @@ PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
     (layers("vertex", cut=True), "translucency", {"lighting": "headlight", "background": None}),
     (layers("face", packed=False), "translucency", {"variant": "total", "precision": "half"}),
     (layers("face", "mixed", packed=False), "weighted-average", {}),
-    (layers("vertex"), "weighted-average", {"precision": "unorm8"}),
+    (layers("vertex"), "weighted-average", {"precision": "unorm8", "samples": 4, "background": GRADIENT}),
     (layers("scene", packed=False), "weighted-sum", {"precision": "half", "samples": 16}),
     (layers("face", "mixed"), "weighted-sum", {"lighting": "headlight", "background": None}),
     (layers(), "layer-count", {"samples": 4}),
@@ -159,10 +161,17 @@ WRONG: list[tuple[str, str, str, Wanted, dict[str, Any]]] = [
     ("return key > b->key;", "return key < b->key;", "dual-depth-peeling", layers(), {}),
     ("if (!BY_DEPTH) key -= a->payload > b->payload;", "", "depth-peeling", layers(), {}),
     ("a * f->color[0] + b * f->color[1]", "b * f->color[0] + a * f->color[1]", "sort", layers("vertex"), {}),
-    ("AMBIENT + (1.0f - AMBIENT) * cosine", "AMBIENT + (0.99f - AMBIENT) * cosine", "sort", layers(), {"lit": True}),
+    (
+        "AMBIENT + (1.0f - AMBIENT) * cosine",
+        "AMBIENT + (0.99f - AMBIENT) * cosine",
+        "sort",
+        layers(),
+        {"lighting": "headlight"},
+    ),
     ("length += within ? passed", "length -= within ? passed", "thickness", layers(), {}),
     ("resolved->alpha = 1.0f - resolved->alpha;", "resolved->alpha = resolved->alpha;", "weighted-sum", layers(), {}),
     ("if (tile >= to_tile) break;", "if (tile + 1 >= to_tile) break;", "sort", layers(), {}),
+    ("background[MIN(top + place", "background[MIN(place", "sort", layers(), {"background": GRADIENT}),
 ]
 """An operator or so that is another one, and a picture whose kernels it is in."""
 
@@ -179,10 +188,9 @@ def test_wrong_kernels_are_refused(
 ) -> None:
     assert any(old in program.source(path) for path in (TECHNIQUES[technique].kernel, "stages/setup.cl"))
     kernels_with(old, new)
-    lighting: Any = "headlight" if options.get("lit") else "none"
     for _ in range(2):  # the second time the verdict is known
         with pytest.raises(DeviceError) as error:
-            picture(wanted, technique, lighting=lighting)
+            picture(wanted, technique, **options)
         said = str(error.value)
         assert "\n" not in said and technique in said and " in place of " in said and "another --device" in said
         assert error.value.exit_code == 1 and str(verdicts_of(open_device().device).file) in said

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from twins import reference, soups
 
 import clpeel
+from clpeel.techniques import TECHNIQUES
+
+if TYPE_CHECKING:
+    from conftest import Judge
 
 
 def quad(z: float = 0.0, side: float = 100.0) -> np.ndarray:
@@ -66,6 +75,91 @@ def test_nothing_drawn_is_the_background_bit_for_bit():
     # The same bytes where a transparent quad (alpha 0) makes the compositor round them.
     clear = clpeel.Scene.from_arrays(quad(), FACES, color=(255, 0, 0, 0))
     assert (clpeel.render(clear, CAMERA, (33, 17), background=(0.2, 0.5, 0.9)).image == over.image).all()
+
+
+GRADIENT = ((1.0, 0.9, 0.2), (0.1, 0.3, 0.6))
+WAYS = [
+    (name, execution) for name, each in TECHNIQUES.items() for execution in ("tiles", "passes")[: 1 + each.has_passes]
+]
+
+
+@pytest.mark.parametrize("lanes", [1, 64])
+@pytest.mark.parametrize("samples", [1, 4, 16, 64, 256])
+def test_a_gradient_is_of_the_pictures_rows_and_not_of_samples(samples: int, lanes: int, judge: Judge) -> None:
+    """The top edge has the first colour, and the first row's centre is half a row below; 37 rows are no whole tiles."""
+    scene = clpeel.Scene.from_arrays(quad(), FACES, color=(255, 0, 0, 255))
+    away = clpeel.Camera((0, 0, 4), (0, 0, 8))
+    result = clpeel.render(scene, away, (21, 37), background=GRADIENT, samples=samples, lanes=lanes)
+    judge.image(result, GRADIENT)
+    top, bottom = np.array(GRADIENT)
+    for row, way in ((0, 0.5 / 37), (18, 0.5), (36, 36.5 / 37)):
+        want = (top + way * (bottom - top)) * 255
+        assert np.abs(result.image[row, :, :3] - want).max() <= 0.501, row
+    assert (result.image == result.image[:, :1]).all() and (result.image[..., 3] == 255).all()
+
+
+@pytest.mark.parametrize(("technique", "execution"), WAYS)
+def test_every_technique_is_put_over_a_gradient(technique: str, execution: str, judge: Judge) -> None:
+    scene = soups.random(21, 60, "mixed", "flat8").scene()
+    options: dict[str, Any] = {"variant": "total"} if technique in ("thickness", "translucency") else {}
+    if technique in ("thickness", "layer-count"):
+        options["scale_bar"] = False
+    call: dict[str, Any] = {"technique": technique, "execution": execution, "background": GRADIENT, **options}
+    for samples in (1, 4):
+        one, many = (
+            clpeel.render(scene, soups.BENCH.camera(), (50, 41), lanes=lanes, samples=samples, **call)
+            for lanes in (1, 64)
+        )
+        judge.same_bits(many, one)
+        judge.image(one, GRADIENT)
+    assert one.image[..., :3].std() > 10
+
+
+@pytest.mark.parametrize("lanes", [1, 64])
+def test_a_gradient_goes_on_over_batches_and_opaque_surfaces(lanes: int, judge: Judge) -> None:
+    soup = soups.random(22, 20_000, "mixed", "flat8")
+    soup.face_colors[::7, 3] = 255
+    for opacity in (None, 1.0):
+        scene = clpeel.load(soup.scene(), opacity=opacity)
+        call: dict[str, Any] = {
+            "camera": soups.BENCH.camera(),
+            "size": (150, 140),
+            "background": GRADIENT,
+            "lanes": lanes,
+        }
+        whole, parts = (clpeel.render(scene, memory=memory, **call) for memory in (None, "1M"))
+        judge.same_bits(parts, whole)
+        judge.image(whole, GRADIENT)
+        assert parts.stats.batches > 1
+
+
+SHADE = st.sampled_from([0.0, 1 / 255, 0.25, 1 / 3, 0.999, 1.0])
+COLOR = st.tuples(SHADE, SHADE, SHADE)
+
+
+@given(
+    top=COLOR,
+    bottom=COLOR,
+    size=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    samples=st.sampled_from([1, 4, 256]),
+)
+def test_any_gradient(top: Any, bottom: Any, size: tuple[int, int], samples: int, judge: Judge) -> None:
+    """It has the same bits at 1 and 64 lanes. If both colours are the same, these are the bits of that colour."""
+    scene = soups.random(23, 20, "mixed", "flat8").scene()
+    call: dict[str, Any] = {"camera": soups.BENCH.camera(), "size": size, "samples": samples}
+    one, many = (clpeel.render(scene, background=(top, bottom), lanes=lanes, **call) for lanes in (1, 64))
+    judge.same_bits(many, one)
+    judge.image(one, (top, bottom))
+    plain, alike = (clpeel.render(scene, background=behind, **call) for behind in (top, (top, top)))
+    judge.same_bits(alike, plain)
+
+
+def test_the_twin_sees_a_gradient_that_is_upside_down(judge: Judge) -> None:
+    scene = soups.random(21, 60, "mixed", "flat8").scene()
+    result = clpeel.render(scene, soups.BENCH.camera(), (50, 41), background=GRADIENT)
+    with pytest.raises(pytest.fail.Exception, match="not its color over the background"):
+        judge.image(result, GRADIENT[::-1])
+    assert (reference.image(result.color, GRADIENT) == result.image).mean() > 0.99
 
 
 def test_color_not_kept_is_an_error_that_says_so():

@@ -128,7 +128,7 @@ def test_lit_layers_are_lit(colors: str, lanes: int, judge: Judge) -> None:
     count=st.integers(1, 60),
     places=st.integers(1, 9),
     size=st.tuples(st.integers(1, 40), st.integers(1, 40)),
-    background=st.sampled_from([None, (1.0, 1.0, 1.0), (0.1, 0.7, 0.3)]),
+    background=st.sampled_from([None, (1.0, 1.0, 1.0), (0.1, 0.7, 0.3), ((0.1, 0.7, 0.3), (1.0, 0.0, 0.9))]),
 )
 def test_any_layers_blended_again_are_the_picture(
     seed: int, count: int, places: int, size: tuple[int, int], background: Any, judge: Judge
@@ -164,7 +164,7 @@ def test_to_the_last_of_a_million_roundings(judge: Judge) -> None:
     rgba = np.random.default_rng(9).random((9, 4)).astype(np.float32)
     plain = soups.stack([1.0, 2.0, 3.0], (255, 255, 255, 255))
     scene = soups.Soup(plain.vertices, plain.faces, vertex_colors=rgba).scene()
-    for background in ((0.9, 0.5, 0.7), None):
+    for background in ((0.9, 0.5, 0.7), ((0.9, 0.5, 0.7), (0.2, 0.3, 0.8)), None):
         result = clpeel.render(scene, AHEAD.camera(), (800, 600), background=background, layers=True)
         again(result, background, judge)
 

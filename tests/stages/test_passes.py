@@ -115,6 +115,7 @@ OPTIONS: list[dict[str, Any]] = [
     {"passes": 2},
     {"passes": 3, "occlusion_query": False},
     {"samples": 4, "background": None},
+    {"samples": 4, "background": ((0.9, 0.5, 0.7), (0.2, 0.3, 0.8))},
     {"layers_per_pass": 1},
     {"layers_per_pass": 3},
     {"layers_per_pass": 64},

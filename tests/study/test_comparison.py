@@ -31,7 +31,7 @@ from clpeel.command import main as cli
 from clpeel.pictures.png import STEP
 from clpeel.rendering.renderer import Renderer
 from clpeel.study.compare import flip_error, judged
-from clpeel.study.comparison import FIGURES, FLIP_HINT, Comparison, Row
+from clpeel.study.comparison import FIGURES, FLIP_HINT, Comparison, Row, shown
 from clpeel.study.page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
 from clpeel.study.tables import COLUMNS
 from clpeel.techniques import TECHNIQUES
@@ -112,6 +112,15 @@ def test_the_background_is_the_pictures() -> None:
     assert all(row.max_error == 0 and row.psnr == math.inf and row.flip == 0 for row in comparison.rows)
 
 
+def test_the_picture_is_compared_over_a_gradient() -> None:
+    """What is black lets a part of the background through, which is white at the top and black at the bottom."""
+    color = np.zeros((2, 1, 4))
+    color[..., 3] = 0.5
+    assert shown(color, ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))[:, 0, 0].tolist() == [0.375, 0.125]
+    comparison = clpeel.compare(stack(0.25, 0.5), AHEAD.camera(), (16, 16), ["sort"], frames=1, background="white:navy")
+    assert comparison.rows[0].max_error < 1e-6 and json.loads(comparison.to_json())["background"][0] == [1, 1, 1]
+
+
 def test_shares_and_means_are_of_pixels_and_channels() -> None:
     right = np.full((2, 4, 3), 0.5)
     color = np.concatenate([right, np.ones((2, 4, 1))], axis=-1).astype(np.float32)
@@ -188,8 +197,8 @@ def test_float64_from_the_mesh_on_says_the_same(
     summed = np.clip(sums[..., :3] + 1 - alphas, 0, 1)
     right = twin.color[..., :3] + 1 - twin.color[..., 3:]
     assert excused.mean() < 0.1 and twin.layers.max() > 3
-    for row, shown in zip(comparison.rows, (averaged, summed), strict=True):
-        error = np.abs(shown - right).max(axis=2)
+    for row, drawn in zip(comparison.rows, (averaged, summed), strict=True):
+        error = np.abs(drawn - right).max(axis=2)
         assert np.abs(row.error - error)[~excused].max() < 1e-5
         for share, steps in ((row.share_above_1, 1), (row.share_above_8, 8)):
             assert abs(share - np.mean(error > steps * STEP)) <= excused.mean()

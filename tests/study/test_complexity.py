@@ -288,6 +288,8 @@ def test_colours_are_those_of_the_map() -> None:
     bare = made(layers)
     assert (bare.image()[0, 0] == 255).all() and (bare.image((1, 0, 0))[0, 0] == (255, 0, 0, 255)).all()
     assert (bare.image(None)[0, 0] == 0).all() and (bare.image(None)[1:] == found.image()[1:]).all()
+    tall = made(np.zeros((3, 1), np.int32))
+    assert tall.image(("black", (0, 0.48, 0.9)), False)[:, 0, 1:3].tolist() == [[20, 38], [61, 115], [102, 191]]
     with pytest.raises(InputError, match="^background: "):
         bare.image((2, 0, 0))
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from twins import soups
+from twins import reference, soups
 from twins.soups import AHEAD, BENCH
 
 import clpeel
@@ -55,7 +55,7 @@ def test_a_pixel_is_the_mean_of_its_samples(lanes: int) -> None:
     assert (coarse == fine.reshape(24, 2, 32, 2).mean(axis=(1, 3))).all()
 
 
-@pytest.mark.parametrize("background", [None, (0.0, 0.5, 1.0)])
+@pytest.mark.parametrize("background", [None, (0.0, 0.5, 1.0), ((0.0, 0.5, 1.0), (0.75, 0.5, 0.25))])
 def test_the_picture_is_the_map_in_colours(background: Any, judge: Judge) -> None:
     soup, size = soups.random(5, 40, "mixed"), (40, 30)
     result = layer_count(soup.scene(), BENCH.camera(), size, background=background)
@@ -64,8 +64,8 @@ def test_the_picture_is_the_map_in_colours(background: Any, judge: Judge) -> Non
     want = np.concatenate([colors_at(layers / layers.max()), np.ones((30, 40, 1))], axis=-1) * inside[..., None]
     assert inside.any() and not inside.all()
     judge.color(result, want, np.full(inside.shape, 2.0**-23))
-    behind = (0, 0, 0, 0) if background is None else (0, 128, 255, 255)
-    assert (result.image[~inside] == behind).all()
+    behind = reference.image(np.zeros((30, 40, 4)), background)
+    assert (result.image[~inside] == behind[~inside]).all()
     assert (result.image[inside] == (want[inside] * 255 + 0.5).astype(np.uint8)).all()
 
 

@@ -249,9 +249,10 @@ def test_several_samples_are_the_mean(variant: str, lanes: int) -> None:
     assert (mean.color[..., 3] % 1 != 0).any()
 
 
-def test_the_picture_is_the_map_in_colours(lanes: int, judge: Judge) -> None:
+@pytest.mark.parametrize("background", [(0.2, 0.4, 0.6), ((0.2, 0.4, 0.6), (1.0, 0.5, 0.0))])
+def test_the_picture_is_the_map_in_colours(background: Any, lanes: int, judge: Judge) -> None:
     soup = soups.merge(ball(), box((-2, 0.5, -1), (2, 2, -0.5)).take(slice(0, 10)))  # a box without its front
-    result = render(soup, BENCH, (100, 90), lanes=lanes, background=(0.2, 0.4, 0.6))
+    result = render(soup, BENCH, (100, 90), lanes=lanes, background=background)
     low, high = result.stats["thickness_range"]
     paired = result.thickness[~result.unpaired]
     assert low == 0 and high == paired.max() and result.stats["unit"] == "scene units"
@@ -260,11 +261,11 @@ def test_the_picture_is_the_map_in_colours(lanes: int, judge: Judge) -> None:
     want = np.where(result.unpaired[..., None], OUTSIDE, colors_at(result.thickness / high))
     want = np.concatenate([want, np.ones((90, 100, 1))], -1) * covered[..., None]
     judge.color(result, want, 4 * UNIT)
-    judge.image(result, (0.2, 0.4, 0.6))
+    judge.image(result, background)
     clear = render(soup, BENCH, (100, 90), lanes=lanes, background=None)
     judge.image(clear, None)
     assert (clear.image[..., 3] == np.where(covered, 255, 0)).all()
-    image = render(soup, BENCH, (100, 90), lanes=lanes, background=(0.2, 0.4, 0.6), keep_color=False)
+    image = render(soup, BENCH, (100, 90), lanes=lanes, background=background, keep_color=False)
     assert (image.image == result.image).all()
     with pytest.raises(clpeel.InputError, match="keep_color"):
         _ = image.color

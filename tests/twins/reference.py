@@ -344,20 +344,30 @@ def render(
     return Picture(color, layers, bound, pixel, distance, triangle, rgba, projected, cut)
 
 
-def image(color: Floats, background: tuple[float, float, float] | None = (1.0, 1.0, 1.0)) -> NDArray[np.uint8]:
+def image(color: Floats, background: Any = (1.0, 1.0, 1.0)) -> NDArray[np.uint8]:
     """The uint8 RGBA picture over a background, or with straight alpha for None: x 255 + 0.5, clamped."""
     return np.nan_to_num(np.clip(np.floor(levels(color, background) + 0.5), 0, 255)).astype(np.uint8)
 
 
-def levels(color: Any, background: tuple[float, float, float] | None = (1.0, 1.0, 1.0)) -> Floats:
-    """`image` before the 0.5 is added and the fraction dropped: float64 [h, w, 4], 0..255."""
+def levels(color: Any, background: Any = (1.0, 1.0, 1.0)) -> Floats:
+    """`image` before the 0.5 is added and the fraction dropped: float64 [h, w, 4], 0..255.
+
+    background: a colour, two for a gradient from the top edge to the bottom edge, or None.
+    """
     color = np.asarray(color, np.float64)
     rgb, alpha = color[..., :3], color[..., 3:]
     if background is None:
         straight = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
         return np.concatenate([straight, alpha], -1) * 255
-    over = rgb + (1 - alpha) * np.asarray(background, np.float64)
+    over = rgb + (1 - alpha) * behind(background, len(rgb))
     return np.concatenate([over, np.ones_like(alpha)], -1) * 255
+
+
+def behind(background: Any, height: int) -> Floats:
+    """What lies behind each row: float64 [h, 1, 3]. A gradient is a mean of its two colours, weighed by distance."""
+    top, bottom = np.broadcast_to(np.asarray(background, np.float64), (2, 3))
+    below = (2 * np.arange(height)[:, None, None] + 1) / (2 * height)
+    return np.asarray((1 - below) * top + below * bottom)
 
 
 def shifted(picture: Picture, shift: float) -> tuple[Floats, Floats, Floats, Floats]:

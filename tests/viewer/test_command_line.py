@@ -30,6 +30,7 @@ def shape(tmp_path: Path) -> Path:
 VIEWS: list[dict[str, Any]] = [
     {},
     {"background": None},
+    {"background": ((0.1, 0.2, 1 / 3), (1.0, 0.5, 0.25))},
     {"background": COMMAND_BACKGROUND},
     {"background": (0.1, 0.2, 1 / 3), "lighting": "none"},
     {"opacity": 0.35},

@@ -179,10 +179,19 @@ def test_m_goes_through_the_heat_maps() -> None:
     assert [press(on, "m").shows for _ in range(3)] == ["layers", "error", "picture"]
 
 
-def test_b_goes_through_backgrounds_and_returns() -> None:
-    on = controls(background=(0.1, 0.2, 0.3))
+@pytest.mark.parametrize("first", [(0.1, 0.2, 0.3), ((0.1, 0.2, 0.3), (1.0, 1.0, 1.0))])
+def test_b_goes_through_backgrounds_and_returns(first: Any) -> None:
+    on = controls(background=first)
     seen = [press(on, "b").background for _ in range(5)]
-    assert seen[-1] == (0.1, 0.2, 0.3) and len(set(seen)) == 5
+    assert seen[-1] == first and len(set(seen)) == 5
+
+
+def test_a_gradient_is_set_and_told_as_lists() -> None:
+    """As JSON has no tuples, which pages send and get."""
+    on = controls()
+    on.set("background", [[0.1, 0.2, 0.3], [1, 1, 1]])
+    assert on.view.background == ((0.1, 0.2, 0.3), (1.0, 1.0, 1.0))
+    assert settings(on.view)["background"] == [[0.1, 0.2, 0.3], [1.0, 1.0, 1.0]]
 
 
 def test_l_o_and_space_switch() -> None:

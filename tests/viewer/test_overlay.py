@@ -222,8 +222,9 @@ def test_the_error_goes_through_its_row_from_any_value() -> None:
     assert stepped("max_error", 5e-4, 1) == 1e-3 and stepped("max_error", 5e-4, -1) == 1e-4
 
 
-def test_backgrounds_go_round_from_any_colour() -> None:
-    value, seen = stepped("background", [0.1, 0.2, 0.3], 1), []
+@pytest.mark.parametrize("first", [[0.1, 0.2, 0.3], [[0.1, 0.2, 0.3], [1, 1, 1]]])
+def test_backgrounds_go_round_from_any_colour(first: object) -> None:
+    value, seen = stepped("background", first, 1), []
     while value not in seen:
         seen.append(value)
         value = stepped("background", value, 1)
@@ -236,6 +237,7 @@ def test_backgrounds_go_round_from_any_colour() -> None:
         ("max_error", 1 / 255, "1/255"),
         ("max_error", 1e-4, "0.0001"),
         ("background", [1.0, 0.5, 0.0], "#ff8000"),
+        ("background", [[1.0, 0.5, 0.0], [0.0, 0.0, 0.2]], "#ff8000:#000033"),
         ("background", None, "transparent"),
         ("occlusion_query", False, "off"),
         ("passes", None, "no limit"),

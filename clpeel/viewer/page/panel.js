@@ -203,6 +203,11 @@ class Opacity extends Control {
   }
 }
 
+function asHex (color) {
+  const [red, green, blue] = color.map((part) => Math.round(part * 255))
+  return '#' + (red * 65536 + green * 256 + blue).toString(16).padStart(6, '0')
+}
+
 class Background extends Control {
   constructor (name, label, choices, set) {
     super(name, label, element('input', { type: 'color' }), set)
@@ -221,7 +226,8 @@ class Background extends Control {
 
   show (value) {
     this.none.ariaPressed = String(value === null)
-    const [red, green, blue] = (value ?? [0.5, 0.5, 0.5]).map((part) => Math.round(part * 255))
-    this.input.value = '#' + (red * 65536 + green * 256 + blue).toString(16).padStart(6, '0')
+    const shades = Array.isArray(value?.[0]) ? value.map(asHex) : [asHex(value ?? [0.5, 0.5, 0.5])]
+    this.input.value = shades[0] // of a gradient, the colour at the top
+    this.input.title = shades.length > 1 ? `a gradient, ${shades[0]} at the top, ${shades[1]} at the bottom` : ''
   }
 }
