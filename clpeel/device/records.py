@@ -61,8 +61,8 @@ SCREEN = np.dtype(
 )
 """Where a batch's tiles are, and how they are seen: a kernel argument by value.
 
-What compositing needs stays loose: in a struct like this one it made `draw` 3 % slower, and the background as a float4 by
-value made it 2 % slower (PoCL, one lane).
+What compositing needs stays loose: in a struct like this one it made `draw` 3 % slower, and the background as a float4
+by value made it 2 % slower (PoCL, one lane).
 """
 
 PEEL_TOTALS = np.dtype(

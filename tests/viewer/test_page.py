@@ -367,6 +367,21 @@ def test_settings_of_the_panel_change_the_picture(
     is_rendered(file)
 
 
+def test_a_gradient_is_drawn_and_named_until_a_colour_is_chosen(panel: Page, is_rendered: Any) -> None:
+    """The command gives one, and the panel has none to choose. So the message is sent past the panel."""
+    set_it = (
+        "window.sockets.at(-1).send(JSON.stringify({type: 'set', name: 'background', value: 'white:#336699',"
+        " timestamp: (performance.timeOrigin + performance.now()) / 1000}))"
+    )
+    shown = is_rendered(panel.after(lambda: panel.get(set_it)))
+    assert (shown[0, 0, :3] >= 250).all() and (abs(shown[-1, 0, :3] - (51.0, 102, 153)) <= 5).all()
+    colour = panel.find("#set-background")
+    assert colour.get_attribute("value") == "#ffffff"
+    assert colour.get_attribute("title") == "a gradient, #ffffff at the top, #336699 at the bottom"
+    is_rendered(panel.after(lambda: panel.set("background", "#ff0033")))
+    assert colour.get_attribute("value") == "#ff0033" and colour.get_attribute("title") == ""
+
+
 def test_the_panel_has_every_setting(panel: Page) -> None:
     labels = panel.get("fetch('viewer.json').then((answer) => answer.json()).then((found) => found.labels)")
     for name, text in labels.items():

@@ -216,6 +216,7 @@ class Background extends Control {
     this.row.classList.add('color')
     this.input.addEventListener('input', () => {
       this.none.ariaPressed = 'false'
+      this.input.title = ''
       this.choose(this.input.value.match(/[0-9a-f]{2}/gi).map((pair) => parseInt(pair, 16) / 255))
     })
     this.none.addEventListener('click', () => {
