@@ -141,28 +141,28 @@ INLINE Reals to_srgb(global const uint *textures, Reals value)
 
 // --- colours --------------------------------------------------------------------------------------------------------
 // A part of SHADED colours: as many as a vector has room for, four floats each. Lanes that shade one by one have one.
-// LEFT, RIGHT: the part of the first, and of the second halves of so many pairs of colours.
+// LEFT_PART, RIGHT_PART: the part of the first, and of the second halves of so many pairs of colours.
 #if SHADED == 1
 #define PART_COLORS 1
 typedef float4 Part;
 #define PART_CHANNELS (int4)(0, 1, 2, 3)
 #define SAME_PART(color) (color)
-#define LEFT(pairs) (pairs)[0].lo
-#define RIGHT(pairs) (pairs)[0].hi
+#define LEFT_PART(pairs) (pairs)[0].lo
+#define RIGHT_PART(pairs) (pairs)[0].hi
 #elif SHADED == 16
 #define PART_COLORS 4
 typedef float16 Part;
 #define PART_CHANNELS SHADED_COLUMNS
 #define SAME_PART(color) (float16)(color, color, color, color)
-#define LEFT(pairs) (float16)((pairs)[0].lo, (pairs)[1].lo, (pairs)[2].lo, (pairs)[3].lo)
-#define RIGHT(pairs) (float16)((pairs)[0].hi, (pairs)[1].hi, (pairs)[2].hi, (pairs)[3].hi)
+#define LEFT_PART(pairs) (float16)((pairs)[0].lo, (pairs)[1].lo, (pairs)[2].lo, (pairs)[3].lo)
+#define RIGHT_PART(pairs) (float16)((pairs)[0].hi, (pairs)[1].hi, (pairs)[2].hi, (pairs)[3].hi)
 #else
 #define PART_COLORS 2
 typedef float8 Part;
 #define PART_CHANNELS SHADED_COLUMNS
 #define SAME_PART(color) (float8)(color, color)
-#define LEFT(pairs) (float8)((pairs)[0].lo, (pairs)[1].lo)
-#define RIGHT(pairs) (float8)((pairs)[0].hi, (pairs)[1].hi)
+#define LEFT_PART(pairs) (float8)((pairs)[0].lo, (pairs)[1].lo)
+#define RIGHT_PART(pairs) (float8)((pairs)[0].hi, (pairs)[1].hi)
 #endif
 #define PARTS (SHADED / PART_COLORS)
 

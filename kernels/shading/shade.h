@@ -298,11 +298,10 @@ INLINE void let_wait(const Face *f, const OnFace *place, Reals light, uint bits,
 }
 
 // What a fragment's alpha is, of the product of all alphas: see the top.
-INLINE Part alpha_of(global const Material *m, Part alpha)
+INLINE Part alpha_of(uint flags, Part opacity, Part cutoff, Part alpha)
 {
-    const Part opacity = (Part)(m->opacity);
-    if (m->flags & CUT) return alpha >= (Part)(m->alpha_cutoff) ? opacity : (Part)(0.0f);
-    return m->flags & BLENDED ? alpha * opacity : opacity;
+    if (flags & CUT) return alpha >= cutoff ? opacity : (Part)(0.0f);
+    return flags & BLENDED ? alpha * opacity : opacity;
 }
 
 // The colours of SHADED or fewer fragments that wait, from number `first` on. shown: as they are shown; else their red,
@@ -311,9 +310,11 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *
 {
     global const Material *m = w->material;
     int count = (int)MIN(w->count - first, (uint)SHADED);
-    bool textured = m->flags & TEXTURED;
+    // What is loaded in the loop is loaded again after each store, as a compiler must expect it to be changed.
+    const uint flags = m->flags;
+    const Part opacity = (Part)(m->opacity), cutoff = (Part)(m->alpha_cutoff);
     Part texel[PARTS];
-    if (textured) {
+    if (flags & TEXTURED) {
         Spot spot;
         spot.u = *(const AnyReals *)(w->u + first), spot.v = *(const AnyReals *)(w->v + first);
 #if LEVELS
@@ -330,8 +331,8 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *
 #endif
     for (int k = 0; k < count; k += PART_COLORS) {
         Part color = *(const AnyPart *)(w->tint + first + k);
-        if (textured) color *= texel[k / PART_COLORS];
-        Part alpha = alpha_of(m, color);
+        if (flags & TEXTURED) color *= texel[k / PART_COLORS];
+        Part alpha = alpha_of(flags, opacity, cutoff, color);
         if (shown) color = part_to_srgb(textures, color);
 #if HEADLIGHT
         Part light = for_channels(lights, k);
@@ -356,6 +357,14 @@ OUTLINE void paint_all(Waiting *w, global const uint *textures, global float4 *c
 }
 #endif
 
+// The colour of a face without a material at pixel k. light: on these pixels.
+INLINE float4 plain_color(const Face *f, const OnFace *place, const Reals *light, int k)
+{
+    float4 color = scene_color(f, place, k);
+    if (HEADLIGHT) color = LIT(color, ONE_OF(float, *light, k));
+    return color;
+}
+
 // --- colours, at once -----------------------------------------------------------------------------------------------
 // Colours of a face at SHADED pixels, of which those in `bits` are wanted. Returns which of these are there: where
 // texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side.
@@ -377,10 +386,7 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
         return bits;
     }
 #endif
-    for (uint left = bits; left; left &= left - 1, ++colors) {
-        *colors = scene_color(f, place, LOWEST_SHADED(left));
-        if (HEADLIGHT) *colors = LIT(*colors, ONE_OF(float, light, LOWEST_SHADED(left)));
-    }
+    for (uint left = bits; left; left &= left - 1) *colors++ = plain_color(f, place, &light, LOWEST_SHADED(left));
     return bits;
 }
 

@@ -84,7 +84,7 @@ INLINE Part mean_of_taps(global const uint *textures, global const uint *texels,
         float8 lower = texels_at(textures, texels, floats, ONE_OF(uint, taps->lower, own));
         columns[j] = upper + ONE_OF(float, taps->down, own) * (lower - upper);
     }
-    Part left = LEFT(columns), right = RIGHT(columns);
+    Part left = LEFT_PART(columns), right = RIGHT_PART(columns);
     return left + for_channels(taps->right, k) * (right - left);
 }
 

@@ -393,6 +393,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     }
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
     VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
+    uint fits = BITS_OF(*places < (VECTOR(uint))(layout->room));
     for (int first = 0; first < STRIP; first += SHADED) {
         uint bits = all >> first & SHADED_BITS;
         if (!bits) continue;
@@ -404,24 +405,29 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         if (face.material && !(face.material->flags & ROUTED_BY_TEXELS)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading->textures, colors);
-            bits &= BITS_OF(*places < (VECTOR(uint))(layout->room)) >> first;
             Words to = ((const Words *)&own)[first / SHADED];
-            let_wait(&face, &on_face, light_on(&face, &on_face, VIEW(batch)), bits, to, &waiting);
+            let_wait(&face, &on_face, light_on(&face, &on_face, VIEW(batch)), bits & fits >> first, to, &waiting);
             continue;
         }
 #endif
+#if MATERIALS
         float4 colors_there[SHADED];
         uint seen = shade(&face, &on_face, shading, VIEW(batch), bits, colors_there);
         there &= ~((bits & ~seen) << first);
-        for (const float4 *next_color = colors_there; seen; seen &= seen - 1, ++next_color) {
+        for (const float4 *color = colors_there; seen; seen &= seen - 1, ++color) {
             uint k = first + LOWEST_SHADED(seen);
-            if (ELEMENT(uint, *places, k) < layout->room) colors[ELEMENT(uint, own, k)] = *next_color;
+            if (fits >> k & 1) colors[ELEMENT(uint, own, k)] = *color;
         }
+#else
+        Reals light = light_on(&face, &on_face, VIEW(batch));
+        for (bits &= fits >> first; bits; bits &= bits - 1) {
+            int k = LOWEST_SHADED(bits);
+            colors[ELEMENT(uint, own, first + k)] = plain_color(&face, &on_face, &light, k);
+        }
+#endif
     }
-    for (uint left = sources ? there : 0; left; left &= left - 1) {
-        uint k = LOWEST_BIT(left);
-        if (ELEMENT(uint, *places, k) < layout->room) sources[ELEMENT(uint, own, k)] = t->source;
-    }
+    for (uint left = sources ? there & fits : 0; left; left &= left - 1)
+        sources[ELEMENT(uint, own, LOWEST_BIT(left))] = t->source;
     if (ROUTED) covered = MASK_OF(there);
     VECTOR(uint) to = *places;
     value |= CONVERT(ulong, STRIP, PAYLOADS_OF(own, t));
