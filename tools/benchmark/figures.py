@@ -360,35 +360,38 @@ FILTERS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """How a texture is minified, and options of `sort`."""
 
+LIGHTS: dict[str, dict[str, Any]] = {"unlit": {}, "headlight": {"lighting": "headlight"}}
+
 
 @figure("textures", "What a texture costs: frames with one, in times those with a colour for each face or vertex")
 def textures(bench: Bench) -> Values:
-    """Measure scenes as they are, with vertex colours, and with a texture. All of them have the same fragments."""
+    """Measure scenes as they are, with vertex colours, and with textures; unlit and lit. All have the same fragments."""
     from benchmark.makers import TEXELS
 
     values: Values = {}
     scenes = {name: made for name, made in bench.scenes.items() if name in AROUND}
     if not scenes:
         raise Skipped(f"none of {', '.join(AROUND)} is there")
-    heads = [f"{name}, times {what}" for name in scenes for what in ("flat", "vertex colours")]
+    heads = [f"{name}, {light}" for name in scenes for light in LIGHTS]
     rows: dict[str, list[str]] = {}
     for scene, made in scenes.items():
-        plain = {"keep_color": False}
-        jobs = [bench.job(made, **plain), bench.job(["vertex colors", *made], **plain)]
-        jobs += [
-            bench.job(["textured", AROUND[scene], minify, *made], **plain, **options)
-            for minify, options in FILTERS.values()
-        ]
-        found = bench.take_turns(jobs, together=True)
-        flat, vertex, *others = ([one["median_s"] for one in rounds] for rounds in found)
-        rows.setdefault("plain, ms", []).extend(cell(spread(each), 1e3) for each in (flat, vertex))
-        for text, seconds in zip(FILTERS, others, strict=True):
-            times = {"flat": ratio(seconds, flat), "vertex colours": ratio(seconds, vertex)}
-            values.setdefault(text, {})[scene] = times
-            rows.setdefault(text, []).extend(map(cell, times.values()))
-    table = [["texture", *heads], *([text, *cells] for text, cells in rows.items())]
+        for light, options in LIGHTS.items():
+            plain = {"keep_color": False, **options}
+            jobs = [bench.job(made, **plain), bench.job(["vertex colors", *made], **plain)]
+            jobs += [
+                bench.job(["textured", AROUND[scene], minify, *made], **plain, **more)
+                for minify, more in FILTERS.values()
+            ]
+            found = bench.take_turns(jobs, together=True)
+            flat, *others = ([one["median_s"] for one in rounds] for rounds in found)
+            rows.setdefault("a colour for each face, ms", []).append(cell(spread(flat), 1e3))
+            for text, seconds in zip(("a colour for each vertex", *FILTERS), others, strict=True):
+                times = ratio(seconds, flat)
+                values.setdefault(text, {}).setdefault(scene, {})[light] = times
+                rows.setdefault(f"{text}, times that", []).append(cell(times))
+    table = [["frame", *heads], *([text, *cells] for text, cells in rows.items())]
     notes = [
-        "plain: the time of `sort` with a colour for each face, and for each vertex, over white, without `color`; "
+        "the time of `sort` over white, without `color`; "
         f"the texture is opaque, {TEXELS} x {TEXELS}, and times the face's colour"
     ]
     return {"values": values, "targets": [], "table": table, "notes": notes}
