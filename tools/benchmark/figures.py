@@ -365,7 +365,7 @@ LIGHTS: dict[str, dict[str, Any]] = {"unlit": {}, "headlight": {"lighting": "hea
 
 @figure("textures", "What a texture costs: frames with one, in times those with a colour for each face or vertex")
 def textures(bench: Bench) -> Values:
-    """Measure scenes as they are, with vertex colours, and with textures; unlit and lit. All have the same fragments."""
+    """Measure scenes as they are, with vertex colours and with textures; unlit and lit. All have the same fragments."""
     from benchmark.makers import TEXELS
 
     values: Values = {}
