@@ -363,7 +363,7 @@ FILTERS: dict[str, tuple[str, dict[str, Any]]] = {
 LIGHTS: dict[str, dict[str, Any]] = {"unlit": {}, "headlight": {"lighting": "headlight"}}
 
 
-@figure("textures", "What a texture costs: frames with one, in times those with a colour for each face or vertex")
+@figure("textures", "What a texture costs: frames with one, in times those with a colour for each face")
 def textures(bench: Bench) -> Values:
     """Measure scenes as they are, with vertex colours and with textures; unlit and lit. All have the same fragments."""
     from benchmark.makers import TEXELS
