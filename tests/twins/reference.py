@@ -364,10 +364,13 @@ def levels(color: Any, background: Any = (1.0, 1.0, 1.0)) -> Floats:
 
 
 def behind(background: Any, height: int) -> Floats:
-    """What lies behind each row: float64 [h, 1, 3]. A gradient is a mean of its two colours, weighed by distance."""
+    """What lies behind each row: float64 [h, 1, 3]. A gradient is a mean of its two colours, weighed by distance.
+
+    The mean of equal numbers is that number: a rounding would matter where it lies on a half of 1/255.
+    """
     top, bottom = np.broadcast_to(np.asarray(background, np.float64), (2, 3))
     below = (2 * np.arange(height)[:, None, None] + 1) / (2 * height)
-    return np.asarray((1 - below) * top + below * bottom)
+    return np.where(top == bottom, top, (1 - below) * top + below * bottom)
 
 
 def shifted(picture: Picture, shift: float) -> tuple[Floats, Floats, Floats, Floats]:
