@@ -238,6 +238,9 @@ def test_each_side_of_a_box_gets_the_whole_texture() -> None:
     assert {tuple(uv) for uv in scene.uv[side]} == {(0, 0), (1, 0), (1, 1), (0, 1)}
     at = {tuple(uv): point for uv, point in zip(scene.uv[side].tolist(), scene.vertices[side], strict=True)}
     assert all((at[tuple(uv)] == point).all() for uv, point in zip(scene.uv[side], scene.vertices[side], strict=True))
+    across, down = at[1, 0] - at[0, 0], at[0, 1] - at[0, 0]
+    assert at[1, 1] == pytest.approx(at[0, 0] + across + down)
+    assert np.dot(across, down) == pytest.approx(0, abs=1e-6)
     assert len(scene.vertices) < 3 * len(scene.faces)  # corners that are the same share a vertex
 
 
