@@ -377,7 +377,7 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
         waiting.count = 0;
         let_wait(f, place, light, bits, (Words)(0), &waiting);
         paint(&waiting, 0, true, shading->textures, colors);
-        if (f->material->flags & ROUTED_BY_TEXELS) {
+        if (!LIGHT_IN_ALPHA && f->material->flags & ROUTED_BY_TEXELS) {  // translucency routes before
             const float4 *from = colors;
             for (uint left = bits; left; left &= left - 1, ++from)
                 if (from->w > 0.0f) *colors++ = *from;

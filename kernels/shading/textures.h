@@ -157,8 +157,8 @@ INLINE void sample_detail(global const uint *textures, global const Material *m,
 }
 
 // --- where a texture is sampled -------------------------------------------------------------------------------------
-// u, v: coordinates. across2: the square of how far a pixel reaches over level 0, in texels. along_u, along_v: by how much u and v grow along a pixel's longer side,
-// where so many `probes` lie (EXT_texture_filter_anisotropic).
+// u, v: coordinates. across2: the square of how far a pixel reaches over level 0, in texels. along_u, along_v: by how much
+// u and v grow along a pixel's longer side, where so many `probes` lie (EXT_texture_filter_anisotropic).
 typedef struct {
     Reals u, v;
 #if LEVELS
@@ -170,7 +170,8 @@ typedef struct {
 } Spot;
 
 #if LEVELS
-// Finds how far a pixel reaches, and its probes. u_x, v_x: by how much u and v grow from pixel to pixel to the right; u_y, v_y: down.
+// Finds how far a pixel reaches, and its probes. u_x, v_x: by how much u and v grow from pixel to pixel to the right; u_y,
+// v_y: down.
 INLINE void reach_of(global const Material *m, Reals u_x, Reals v_x, Reals u_y, Reals v_y, Spot *spot)
 {
     float width = m->width, height = m->height;
