@@ -386,7 +386,11 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
         return bits;
     }
 #endif
+#if SHADED == 1
+    *colors = plain_color(f, place, &light, 0);  // a loop would keep it in memory: a compiler cannot know that it ends at once
+#else
     for (uint left = bits; left; left &= left - 1) *colors++ = plain_color(f, place, &light, LOWEST_SHADED(left));
+#endif
     return bits;
 }
 

@@ -81,12 +81,12 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
         OnFace on_face;
         place_on_face(at_samples, &face, &on_face);
         float4 colors_there[SHADED];
-        const float4 *color = colors_there;
+        uint shaded = 0;
         for (some = shade(&face, &on_face, shading, VIEW(batch), some, colors_there); some; some &= some - 1, ++next) {
             int k = LOWEST_SHADED(some);
             fragments[next] = (ulong)ELEMENT(uint, key, first + k) << 32 | PAYLOAD(next, t);
             pixels[next] = run_pixel + first + k;
-            colors[next] = *color++;
+            colors[next] = colors_there[shaded++ % SHADED];
         }
     }
 #else
