@@ -62,8 +62,8 @@ def short_cases() -> list[Case]:
 
 
 # Prints a line for each picture: the number of the case, and whether both devices give the same bits. Pictures with so
-# many lanes take turns: flat colours; lit, with opaque surfaces and colours that vary over faces; with textures. Kernels
-# with textures take drivers a while to compile. So a technique has them in its first precision and variant alone.
+# many lanes take turns: flat colours; lit, with opaque surfaces and colours that vary over faces; with textures.
+# Kernels with textures take drivers a while to compile. So each technique has textures in one precision and variant.
 SCRIPT = """
 import json, sys
 import numpy as np
