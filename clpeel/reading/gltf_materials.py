@@ -29,7 +29,7 @@ from clpeel.reading.gltf_primitives import Primitive
 from clpeel.reading.gltf_textures import Textures
 from clpeel.reading.losses import listed
 from clpeel.scene.arrays import Colors
-from clpeel.scene.materials import ALPHA_MODES, AlphaMode, Light, Material
+from clpeel.scene.materials import ALPHA_MODES, AlphaMode, Finish, Material
 from clpeel.scene.textures import srgb
 
 _LEAST_GLASS = 0.1
@@ -64,7 +64,7 @@ class _Recipe:
     opacity: float = 1.0
     unlit: bool = False
     single_sided: bool = True
-    light: Light | None = None
+    finish: Finish | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Materials:
                 self._lose("faces left out, as their materials cut all of them away", recipe.name)
                 return None
             mode = "OPAQUE"
-        light, mappings = self._lit(primitive, None if texture is None else base)
+        finish, mappings = self._finished(primitive, None if texture is None else base)
         if not mappings and not colored and mode != "MASK" and not recipe.unlit:
             alpha = recipe.base_color[3] if mode == "BLEND" else recipe.opacity
             return Look(recipe.single_sided, color=_shown(recipe.base_color[:3], alpha))
@@ -127,20 +127,20 @@ class Materials:
                 recipe.alpha_cutoff,
                 recipe.opacity,
                 recipe.unlit,
-                light=light,
+                finish=finish,
             )
         return Look(recipe.single_sided, self._made[key], mappings=mappings)
 
-    def _lit(self, primitive: Primitive, base: Mapped | None) -> tuple[Light | None, tuple[Mapping, ...]]:
-        """Return the light of a primitive's material with its textures, and the mappings of all textures, each once.
+    def _finished(self, primitive: Primitive, base: Mapped | None) -> tuple[Finish | None, tuple[Mapping, ...]]:
+        """Return the finish of a primitive's material with its textures, and the mappings of all textures, each once.
 
         base: the texture of the base colour, if there is one.
         """
         recipe = self._recipe(primitive.material)
         mappings = [] if base is None else [base.mapping]
-        if recipe.light is None:
+        if recipe.finish is None:
             return None, tuple(mappings)
-        light = recipe.light
+        finish = recipe.finish
         for key, holder in recipe.for_lights:
             late = self._late(primitive, recipe.name, key, holder)
             if late is None:
@@ -149,11 +149,11 @@ class Materials:
             if mapping not in mappings:
                 mappings.append(mapping)
             found[f"{_word(key)}_uv"] = mappings.index(mapping)
-            light = replace(light, **found)
-        return light, tuple(mappings)
+            finish = replace(finish, **found)
+        return finish, tuple(mappings)
 
     def _late(self, primitive: Primitive, name: str, key: str, holder: Json) -> tuple[Mapping, dict[str, Any]] | None:
-        """Return where a texture for lights lies, and the fields of Light that it gives. None, after a note, if none.
+        """Return where a texture for lights lies, and the fields of Finish that it gives. None, after a note, if none.
 
         No light draws it yet, so damage here is no reason to refuse the file.
         """
@@ -213,8 +213,8 @@ class Materials:
             damaged(f"alphaMode: expected {', '.join(ALPHA_MODES)}, got {named(str(mode))}")
         red, green, blue, alpha = unit_numbers(factor, base.get(factor, [1, 1, 1, 1]), 4)
         (transmitted,) = unit_numbers("transmissionFactor", [glass.get("transmissionFactor", 0)], 1)
-        light = _light(material, metal, gloss)
-        if any(light.emissive) and "emissiveTexture" not in material:
+        finish = _finish(material, metal, gloss)
+        if any(finish.emissive) and "emissiveTexture" not in material:
             self._lose("emissive colours left out", name)
         unlit, opacity = extension(material, UNLIT) is not None, 1.0
         if transmitted:
@@ -233,7 +233,7 @@ class Materials:
             opacity,
             unlit,
             not material.get("doubleSided", False),
-            light,
+            finish,
         )
 
 
@@ -243,12 +243,12 @@ def _for_lights(*holders: Json) -> tuple[tuple[str, Json], ...]:
 
 
 def _word(key: str) -> str:
-    """Return how the names of a texture's fields in Light begin."""
+    """Return how the names of a texture's fields in Finish begin."""
     return _KINDS[key].replace("-", "_")
 
 
 def _factor(key: str, info: Json) -> dict[str, Any]:
-    """Return the number that a texture for lights has beside it, by its name in Light. Raises InputError."""
+    """Return the number that a texture for lights has beside it, by its name in Finish. Raises InputError."""
     if key == "normalTexture":
         return {"normal_scale": number("scale", info.get("scale", 1))}
     if key == "occlusionTexture":
@@ -256,7 +256,7 @@ def _factor(key: str, info: Json) -> dict[str, Any]:
     return {}
 
 
-def _light(material: Json, metal: Json, gloss: Json | None) -> Light:
+def _finish(material: Json, metal: Json, gloss: Json | None) -> Finish:
     """Return what is kept of a material for lights. Raises InputError."""
     if gloss is not None:
         (shine,) = unit_numbers("glossinessFactor", [gloss.get("glossinessFactor", 1)], 1)
@@ -266,7 +266,7 @@ def _light(material: Json, metal: Json, gloss: Json | None) -> Light:
         (rough,) = unit_numbers("roughnessFactor", [metal.get("roughnessFactor", 1)], 1)
     red, green, blue = unit_numbers("emissiveFactor", material.get("emissiveFactor", [0, 0, 0]), 3)
     strength = max(number("emissiveStrength", (extension(material, STRENGTH) or {}).get("emissiveStrength", 1)), 0.0)
-    return Light(metallic, rough, (red * strength, green * strength, blue * strength))
+    return Finish(metallic, rough, (red * strength, green * strength, blue * strength))
 
 
 def _shown(rgb: tuple[float, ...], alpha: float) -> Colors:

@@ -32,7 +32,7 @@ NO_MATERIAL = -1
 
 
 @dataclass(frozen=True, eq=False)
-class Light:
+class Finish:
     """What a material is beyond its base colour, kept for lights (glTF 2.0, section 3.9). Nothing of it is drawn yet.
 
     metallic, roughness: 0..1. emissive: linear RGB, which may exceed 1. normal_scale: how much red and green of the
@@ -62,7 +62,7 @@ class Light:
     def __post_init__(self) -> None:
         least = min(self.metallic_roughness_uv, self.normal_uv, self.occlusion_uv, self.emissive_uv)
         if least < 0:
-            raise InputError(f"light: expected numbers of texture coordinates of 0 or more, got {least}")
+            raise InputError(f"finish: expected numbers of texture coordinates of 0 or more, got {least}")
 
     @property
     def uv_sets(self) -> int:
@@ -84,7 +84,7 @@ class Material:
     alpha_mode: OPAQUE ignores alpha. MASK cuts away fragments whose alpha is below alpha_cutoff. BLEND blends.
     opacity: the alpha of what is left by OPAQUE and MASK; it multiplies the alpha of BLEND. unlit: whether lights leave
     the material as it is. rgb_of_scene, alpha_of_scene: whether red, green and blue of the scene's colours count, and
-    their alpha. light: what is kept for lights to come.
+    their alpha. finish: how the surface takes light; None for a matt one.
 
     Raises InputError if a number or a word is none of these.
     """
@@ -98,7 +98,7 @@ class Material:
     unlit: bool = False
     rgb_of_scene: bool = True
     alpha_of_scene: bool = True
-    light: Light | None = None
+    finish: Finish | None = None
 
     def __post_init__(self) -> None:
         one_of("alpha_mode", self.alpha_mode, ALPHA_MODES)
@@ -112,7 +112,7 @@ class Material:
     @property
     def uv_sets(self) -> int:
         """How many sets of texture coordinates its textures need: 0, 1 for Scene.uv alone, or more."""
-        return max(int(self.texture is not None), 0 if self.light is None else self.light.uv_sets)
+        return max(int(self.texture is not None), 0 if self.finish is None else self.finish.uv_sets)
 
     @cached_property
     def texel_alphas(self) -> tuple[float, float]:

@@ -117,7 +117,7 @@ class Scene:
         materials: of faces (materials.py). face_materials: [m] integers, which of these each face has, or -1 for none;
         by default the first. On faces with a material, the colours given here are linear, and white by default.
         uv: [n, 2] texture coordinates, where (0, 0) is the upper left corner of an image. They are needed if a material
-        has a texture. more_uv: further ones, [n, 2] each, for textures of lights that name them (materials.Light).
+        has a texture. more_uv: further ones, [n, 2] each, for textures of lights that name them (materials.Finish).
         single_sided: [m] booleans, or one: faces that are seen from their front alone.
 
         Raises InputError, which names the argument, what was expected and what was given.

@@ -40,7 +40,7 @@ class Texture:
 
     image: [height, width, 4], straight RGBA, row 0 on top, where v is 0 (as in glTF). uint8 0..255 or float32 0..1.
     Where it is uint8, red, green and blue are sRGB and are decoded before they are filtered. Where it is float32, they
-    are linear: this is for files with 16 bits a channel. Alpha is linear in both. Where the texels are numbers (Light
+    are linear: this is for files with 16 bits a channel. Alpha is linear in both. Where the texels are numbers (Finish
     says of which textures), nothing is sRGB: the numbers are uint8 / 255, or float32 as they are.
     A LateImage is decoded when the image is first asked for, which then raises InputError if that cannot be done.
     wrap: what is beyond 0..1, along u and along v. magnify, minify: the filters (MINIFY).

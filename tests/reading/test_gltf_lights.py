@@ -16,7 +16,7 @@ from reading.documents import UV, Document, plain, png, refusal, textured
 import clpeel.reading.gltf_textures
 from clpeel.errors import InputError
 from clpeel.reading.images import texels
-from clpeel.scene.materials import Light
+from clpeel.scene.materials import Finish
 from clpeel.scene.scene import Scene
 
 BLUE, GREEN = (np.full((1, 1, 3), rgb) for rgb in ((0, 0, 200), (0, 100, 0)))
@@ -53,11 +53,11 @@ def lit(picture: bytes, key: str = "normalTexture", **info: Any) -> Document:
     return with_image(document, picture)
 
 
-def light(scene: Scene) -> Light:
+def light(scene: Scene) -> Finish:
     """The light of a scene's one material."""
     (material,) = scene.materials
-    assert material.light is not None
-    return material.light
+    assert material.finish is not None
+    return material.finish
 
 
 @pytest.fixture
@@ -226,7 +226,7 @@ def test_primitives_that_lack_coordinates_have_a_material_of_their_own(tmp_path:
     document.more["meshes"] = [{"primitives": [lacking, document.primitive]}]
     document.more["materials"][0]["name"] = "oak"
     scene = document.load(tmp_path)
-    first, second = (material.light for material in scene.materials)
+    first, second = (material.finish for material in scene.materials)
     assert first and first.normal_texture is None and second and second.normal_texture is not None
     assert "textures left out, as meshes lack the coordinates for those of materials: 'oak'" in scene.notes
     np.testing.assert_array_equal(scene.more_uv[0], [*np.zeros((3, 2)), *(UV * 3)])

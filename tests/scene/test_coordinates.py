@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from clpeel.errors import InputError
-from clpeel.scene.materials import Light, Material
+from clpeel.scene.materials import Finish, Material
 from clpeel.scene.normals import with_normals
 from clpeel.scene.scene import Scene, joined, recolored, with_vertex_colors, without_faces
 from clpeel.scene.textures import Texture
@@ -27,7 +27,7 @@ def told(vertices: NDArray[Any], number: int) -> NDArray[Any]:
 
 def lit(number: int = 2) -> Material:
     """A material with a normal texture whose coordinates have this number."""
-    return Material(light=Light(normal_texture=TEXTURE, normal_uv=number))
+    return Material(finish=Finish(normal_texture=TEXTURE, normal_uv=number))
 
 
 def scene(sets: int = 2, **more: Any) -> Scene:
@@ -81,10 +81,10 @@ def test_joined_scenes_have_as_many_sets_as_any_of_them() -> None:
 
 
 def test_a_material_says_how_many_sets_it_needs() -> None:
-    assert (Material().uv_sets, Material(light=Light(normal_uv=3)).uv_sets) == (0, 0)
+    assert (Material().uv_sets, Material(finish=Finish(normal_uv=3)).uv_sets) == (0, 0)
     assert (Material(texture=TEXTURE).uv_sets, lit(0).uv_sets, lit(2).uv_sets) == (1, 1, 3)
     for name in ("metallic_roughness", "normal", "occlusion", "emissive"):
-        assert Light(**{f"{name}_texture": TEXTURE, f"{name}_uv": 4}).uv_sets == 5  # type: ignore[arg-type]
+        assert Finish(**{f"{name}_texture": TEXTURE, f"{name}_uv": 4}).uv_sets == 5  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -103,5 +103,5 @@ def test_coordinates_that_are_missing_are_named(more: dict[str, Any], says: str)
 
 
 def test_numbers_of_coordinates_are_checked() -> None:
-    with pytest.raises(InputError, match="^light: expected numbers of texture coordinates of 0 or more, got -1$"):
-        Light(occlusion_uv=-1)
+    with pytest.raises(InputError, match="^finish: expected numbers of texture coordinates of 0 or more, got -1$"):
+        Finish(occlusion_uv=-1)
