@@ -94,11 +94,29 @@ AMBIENT = 0.2
 
 # Flags of a material, one bit each (records.py, MATERIAL). What they mean: kernels/shading/materials.h and textures.h.
 CUT, BLENDED, UNLIT, RGB_OF_SCENE, ALPHA_OF_SCENE, ROUTED_BY_TEXELS, HIDES, TEXTURED = (1 << bit for bit in range(8))
-FLOAT_TEXELS, MIRROR_U, CLAMP_U, MIRROR_V, CLAMP_V = (1 << bit for bit in range(8, 13))
-MAGNIFY_LINEAR, MINIFY_LINEAR, BETWEEN_LEVELS = (1 << bit for bit in range(13, 16))
+PLAIN = 1 << 8
+
+# Flags of how a texture is sampled (records.py, SAMPLING).
+FLOAT_TEXELS, MIRROR_U, CLAMP_U, MIRROR_V, CLAMP_V = (1 << bit for bit in range(5))
+MAGNIFY_LINEAR, MINIFY_LINEAR, BETWEEN_LEVELS, NUMBERS = (1 << bit for bit in range(5, 9))
 
 SRGB_SCALES = 256
 """Where the second table of textures begins: behind the linear light of each byte (kernels/shading/reals.h)."""
+
+ALBEDO_SIDE = 16
+"""Rows and columns of each table of how much light a reflection returns (clpeel/stages/albedo.py)."""
+
+ALBEDO_TABLES = SRGB_SCALES + 16
+"""Where these tables begin among the words of textures: behind the two for sRGB."""
+
+DIELECTRIC = 0.04
+"""How much light a surface that is no metal mirrors head-on (glTF 2.0, appendix B.2)."""
+
+LEAST_FACING = 1e-3
+"""The least cosine between a normal and the view that lights are computed for. Interpolated normals may turn away."""
+
+LEAST_ROUGHNESS = 0.045
+"""The least roughness that lights are computed for. Smoother surfaces would show lamps as points that no sample hits."""
 
 LEVEL_STARTS = 16
 """Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
@@ -177,7 +195,11 @@ class Features:
     lanes: int
     color_rate: str = "scene"  # or "face", or "vertex"
     packed_color: bool = True  # colours come as 4 bytes rather than 4 floats
-    headlight: bool = False
+    headlight: bool = False  # a light at the camera dims the colours as given
+    lights: bool = False  # lights fall on surfaces (kernels/shading/lights.h)
+    positioned: bool = False  # some of them have places
+    maps: bool = False  # textures say what some materials are, besides their colours
+    full_highlights: bool = False  # what highlights lie on does not dim them
     surfaces: str = "transparent"  # or "opaque", or "mixed": opaque faces are marked and drawn first
     materials: bool = False  # faces may have materials
     routed: bool = False  # the texels of some say which of their fragments are there
@@ -189,7 +211,7 @@ class Features:
     @property
     def fragment_color(self) -> bool:
         """Whether each fragment has a colour of its own, instead of its face's colour."""
-        return self.color_rate == "vertex" or self.headlight or self.materials
+        return self.color_rate == "vertex" or self.headlight or self.lights or self.materials
 
     @property
     def fragment_bytes(self) -> int:
@@ -219,6 +241,10 @@ class Features:
             "COLOR_RATE_VERTEX": int(self.color_rate == "vertex"),
             "PACKED_COLOR": int(self.packed_color),
             "HEADLIGHT": int(self.headlight),
+            "LIGHTS": int(self.lights),
+            "POSITIONED": int(self.positioned),
+            "MAPS": int(self.maps),
+            "FULL_HIGHLIGHTS": int(self.full_highlights),
             "FRAGMENT_COLOR": int(self.fragment_color),
             "MIXED": int(self.surfaces == "mixed"),
             "MATERIALS": int(self.materials),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from clpeel.device import layout
@@ -34,20 +36,76 @@ TRIANGLE = np.dtype(
 )
 """A record: what the rasterizer needs of a triangle. It has 64 bytes, a cache line."""
 
+SAMPLING = np.dtype(
+    [
+        ("texture", np.uint32),  # where the texture begins among all words of textures
+        ("flags", np.uint32),  # FLOAT_TEXELS | MIRROR_U | ... (layout.py)
+        ("width", np.int32),  # in texels
+        ("height", np.int32),
+        ("last_level", np.int32),  # of its mip map
+        ("uv", np.uint32),  # where its coordinates begin among those of all sets, in vertices
+        ("used", np.uint32),  # whether there is a texture
+        ("spare", np.uint32),
+    ]
+)
+"""A texture, and how it is sampled (clpeel/scene/textures.py)."""
+
 MATERIAL = np.dtype(
     [
         ("base_color", np.float32, 4),  # linear
         ("opacity", np.float32),
         ("alpha_cutoff", np.float32),
         ("flags", np.uint32),  # CUT | BLENDED | ... (layout.py)
-        ("texture", np.uint32),  # where its texture begins among all words of textures
-        ("width", np.int32),  # of its texture, in texels
-        ("height", np.int32),
-        ("last_level", np.int32),  # of its texture's mip map
+        ("metallic", np.float32),
+        ("roughness", np.float32),
+        ("emissive", np.float32, 3),  # linear
+        ("normal_scale", np.float32),
+        ("occlusion_strength", np.float32),
+        ("mapped", np.uint32),  # whether any texture but the first is used
         ("spare", np.uint32),
+        ("base", SAMPLING),
+        ("metallic_roughness_map", SAMPLING),
+        ("normal_map", SAMPLING),
+        ("occlusion_map", SAMPLING),
+        ("emissive_map", SAMPLING),
+        ("albedo", np.float32, 2 * layout.ALBEDO_SIDE),  # of its roughness (clpeel/stages/albedo.py)
     ]
 )
 """A material (clpeel/scene/materials.py)."""
+
+LIGHTING = np.dtype(
+    [
+        ("right", np.float32, 3),  # the camera's axes in the scene, of length 1
+        ("up", np.float32, 3),
+        ("back", np.float32, 3),  # against the view
+        ("zenith", np.float32, 3),  # where the sky is, in the camera's space, of length 1
+        ("sky", np.float32, 3),  # light from above, linear
+        ("ground", np.float32, 3),  # light from below
+        ("ray", np.float32),  # a subpixel on a plane at distance 1; in parallel projection its side
+        ("near", np.float32),  # distances as in positions on the device: of the near plane and the far plane
+        ("far", np.float32),
+        ("span", np.float32),  # far - near
+        ("perspective", np.uint32),
+        ("count", np.uint32),  # of lamps, which follow
+    ]
+)
+"""The light on a scene, as a camera sees it (clpeel/stages/lighting.py)."""
+
+LAMP = np.dtype(
+    [
+        ("toward", np.float32, 3),  # its direction, of length 1, or its place, in the camera's space
+        ("placed", np.uint32),
+        ("color", np.float32, 3),  # linear; its intensity / pi
+        ("shines", np.uint32),  # whether it makes highlights
+        ("along", np.float32, 3),  # where its beam goes
+        ("cone_scale", np.float32),  # its share is (cosine * scale + offset)^2, within 0 .. 1
+        ("cone_offset", np.float32),
+        ("inverse_range2", np.float32),
+        ("unit2", np.float32),  # the square of a scene unit on the device
+        ("spare", np.uint32),
+    ]
+)
+"""A light (clpeel/scene/lights.py)."""
 
 SCREEN = np.dtype(
     [
@@ -107,9 +165,22 @@ COUNT_TOTALS = np.dtype(
 TOTALS = {"PEEL": PEEL_TOTALS, "COUNT": COUNT_TOTALS}
 """Totals that kernels keep as arrays of uints. In a kernel, PEEL_LAYERS is the place of `layers` in PEEL_TOTALS."""
 
-STRUCTS = {"Vertex": VERTEX, "Triangle": TRIANGLE, "Material": MATERIAL, "Screen": SCREEN}
+STRUCTS = {
+    "Vertex": VERTEX,
+    "Triangle": TRIANGLE,
+    "Sampling": SAMPLING,
+    "Material": MATERIAL,
+    "Lighting": LIGHTING,
+    "Lamp": LAMP,
+    "Screen": SCREEN,
+}
+"""The structs by their names in OpenCL C. A field may be a struct that stands before."""
 
-_C_TYPES = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
+_NUMBERS = ("AMBIENT", "DIELECTRIC", "LEAST_FACING")
+"""Constants of the layout that are no whole numbers, as kernels know them."""
+
+_C_TYPES: dict[np.dtype[Any], str] = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
+_C_TYPES |= {dtype: name for name, dtype in STRUCTS.items()}
 
 
 def declarations() -> str:
@@ -119,7 +190,7 @@ def declarations() -> str:
         for name, value in vars(layout).items()
         if name.isupper() and not name.startswith("_") and isinstance(value, int)
     ]
-    lines.append(f"#define AMBIENT {layout.AMBIENT!r}f")
+    lines += [f"#define {name} {getattr(layout, name)!r}f" for name in _NUMBERS]
     for name, dtype in STRUCTS.items():
         fields = []
         for field in dtype.names or ():

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from clpeel.checks import Background
 from clpeel.pictures.background import levels_of
 from clpeel.scene.camera import FLAT, Camera, flat_normal
-from clpeel.scene.materials import NO_MATERIAL
 from clpeel.scene.scene import Scene
 
 SEEN = 2
@@ -62,10 +61,10 @@ def _is_wholly_transparent(scene: Scene) -> bool:
     """Whether every alpha is 0, whatever textures have."""
     alpha = scene.colors[..., 3]
     if scene.face_materials is not None:
-        used = {scene.materials[place] for place in np.unique(scene.face_materials) if place != NO_MATERIAL}
+        plain = scene.plain_faces
+        used = {scene.materials[place] for place in np.unique(scene.face_materials[~plain])}
         if any(m.opacity > 0 and (m.alpha_mode != "BLEND" or m.base_color[3] > 0) for m in used):
             return False
-        plain = scene.face_materials == NO_MATERIAL
         alpha = np.broadcast_to(alpha, plain.shape)[plain] if scene.vertex_colors is None else alpha[scene.faces[plain]]
     elif scene.vertex_colors is not None:
         alpha = alpha[scene.faces.reshape(-1)]

@@ -10,10 +10,11 @@ from clpeel import checks
 from clpeel.checks import MAX_SIDE, Background, GivenBackground, Rgb, checked_background, checked_size
 from clpeel.device.layout import DepthFormat
 from clpeel.errors import InputError
-from clpeel.options import MEMORY, Kind, Options, option
+from clpeel.options import MEMORY, Kind, Options, not_negative, option
 
 Size = tuple[int, int]
-Lighting = Literal["none", "headlight"]
+Lighting = Literal["none", "headlight", "kit", "scene"]
+Highlights = Literal["dimmed", "full"]
 Opaque = Literal["first", "blend"]
 Execution = Literal["tiles", "passes"]
 Backfaces = Literal["default", "visible", "hidden"]
@@ -59,7 +60,19 @@ class PictureOptions(Options):
         Kind(_checked_background, metavar="COLOR"),
         help="R,G,B in 0..1, #rrggbb or a name; TOP:BOTTOM for a gradient",
     )
-    lighting: Lighting = option("none", help="the colours as given, or a light at the camera")
+    lighting: Lighting = option(
+        "none",
+        help="none (the colours as given), headlight (dimmed by a light at the camera), kit (lights that move with "
+        "the camera) or scene (the scene's own lights)",
+    )
+    light_intensity: float = option(
+        1.0,
+        not_negative("a number of 0 or more"),
+        help="what the light of kit and scene is multiplied with (default: 1)",
+    )
+    highlights: Highlights = option(
+        "dimmed", help="highlights of transparent surfaces: dimmed by their alpha (default), or full, as of glass"
+    )
     samples: Literal[1, 4, 16, 64, 256] = option(
         1, help="samples a pixel, averaged for smooth edges: 1, 4, 16, 64 or 256"
     )

@@ -78,9 +78,9 @@ class Renderer:
             raise InputError(f"scene: expected a clpeel.Scene, got {type(scene).__name__}; see clpeel.load")
         self.scene = scene
         self.gpu: Workspace = open_device(device, lanes)
-        self._uploaded: dict[bool, DeviceScene] = {}
+        self._uploaded: dict[str, DeviceScene] = {}
         self._opacity: float | None = None
-        self._faded: dict[bool, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
+        self._faded: dict[str, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
         self._pictures: list[Picture] = []
         self._at_work: int | None = None  # the thread that is making a picture
         self._turn = Lock()
@@ -142,7 +142,8 @@ class Renderer:
 
         camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
         `clpeel.techniques.TECHNIQUES`, or "auto". background: 3 numbers 0..1, text such as "white", a pair of these for
-        a gradient from top to bottom, or None for straight alpha. lighting: "none" (colours as given) or "headlight".
+        a gradient from top to bottom, or None for straight alpha. lighting: "none" (colours as given), "headlight", "kit"
+        or "scene" (Scene.lights).
         progress: called with the share done (0..1) and a text. options: those of all pictures
         (rendering.options.PictureOptions) and those of the technique (its `options`). Editors complete them from
         rendering/keywords.py.
@@ -184,17 +185,21 @@ class Renderer:
     def _on_device(self, request: Request) -> DeviceScene:
         """The scene on the device, with normals if it is lit. The first request for it uploads it."""
         request.report(0.0, "uploading")
-        if request.lit not in self._uploaded:
-            scene = with_normals(self.scene) if request.lit else self.scene
-            other = self._uploaded.get(not request.lit)
-            self._uploaded[request.lit] = upload(self.gpu, scene, request.lit, like=other)
-        held = self._uploaded[request.lit]
+        normals, lights = request.lighting != "none", request.lit is not None
+        needs = "lights" if lights else request.lighting
+        if needs not in self._uploaded:
+            others = list(self._uploaded.values())
+            known = next((other.scene for other in others if other.normals is not None), None)
+            scene = self.scene if not normals else known or with_normals(self.scene)
+            like = next((other for other in others if other.packed is not None and other.packed.lights == lights), None)
+            self._uploaded[needs] = upload(self.gpu, scene, normals, like, lights)
+        held = self._uploaded[needs]
         if self._opacity is None:
             return held
-        if request.lit not in self._faded:
+        if needs not in self._faded:
             scene = recolored(held.scene, None, self._opacity)
-            self._faded[request.lit] = with_colors(self.gpu, held, scene)
-        return self._faded[request.lit]
+            self._faded[needs] = with_colors(self.gpu, held, scene)
+        return self._faded[needs]
 
     def _projected(self, scene: DeviceScene, request: Request) -> Triangles:
         request.report(0.0, "projecting")
@@ -203,11 +208,12 @@ class Renderer:
             scene,
             request.camera,
             request.sampled,
-            request.lit,
+            request.lighting == "headlight",
             request.opaque_first,
             request.picture.depth_format,
             backfaces=request.backfaces,
             probes=request.picture.anisotropy,
+            lit=request.lit,
         )
 
     def _picture(self, request: Request) -> Picture:
@@ -227,6 +233,7 @@ class Renderer:
         peeled = Peeled(
             camera=request.camera,
             size=request.picture.size,
+            headlight=request.lighting == "headlight",
             lit=request.lit,
             front=front,
             back=back,

@@ -10,9 +10,11 @@ from typing import Any
 from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
-from clpeel.rendering.options import PictureOptions, Size, checked_layers
+from clpeel.rendering.options import Lighting, PictureOptions, Size, checked_layers
 from clpeel.scene.camera import Camera
+from clpeel.scene.lights import KIT, Lamp
 from clpeel.scene.scene import Scene
+from clpeel.stages.projection import Lit
 from clpeel.techniques import AUTO, TECHNIQUES, AnyTechnique, AutoOptions, option_names, options_class
 from clpeel.techniques import technique as technique_named
 from clpeel.techniques.precision import Blending
@@ -41,6 +43,7 @@ class Request:
     technique: AnyTechnique
     options: Options
     values: int
+    scene_lights: tuple[Lamp, ...] = ()
     progress: Progress | None = None
 
     @classmethod
@@ -62,10 +65,22 @@ class Request:
         elif not isinstance(camera, Camera):
             raise InputError(f"camera: expected a clpeel.Camera or None, got {type(camera).__name__}")
         chosen = technique_named(AUTO_STANDS_FOR if technique == AUTO else technique)
+        if picture.lighting == "scene" and not scene.lights:
+            raise InputError(
+                "lighting: expected lights in the scene with 'scene', got none; 'kit' has lights of its own"
+            )
         bounded = technique == AUTO or getattr(options, "max_error", None) is not None
         values = MAP_VALUES if chosen.maps else int(bounded)
         check_picture_fits(picture.size, 4 + 16 * picture.keep_color + 4 * values)
-        return cls(camera=camera, picture=picture, technique=chosen, options=options, values=values, progress=progress)
+        return cls(
+            camera=camera,
+            picture=picture,
+            technique=chosen,
+            options=options,
+            values=values,
+            scene_lights=scene.lights,
+            progress=progress,
+        )
 
     def chosen(self, technique: AnyTechnique, options: Options) -> Request:
         """The same request with the technique that auto has chosen."""
@@ -94,9 +109,18 @@ class Request:
         return width * self.picture.side, height * self.picture.side
 
     @property
-    def lit(self) -> bool:
-        """Whether there is a headlight."""
-        return self.picture.lighting != "none"
+    def lighting(self) -> Lighting:
+        """What light there is. A technique that keeps light apart from colours has none but the headlight."""
+        chosen = self.picture.lighting
+        return "headlight" if self.technique.light_apart and chosen != "none" else chosen
+
+    @property
+    def lit(self) -> Lit | None:
+        """The lights that fall on the scene, if there are any but the headlight."""
+        lights = {"kit": KIT, "scene": self.scene_lights}.get(self.lighting)
+        if lights is None:
+            return None
+        return Lit(lights, self.picture.light_intensity, self.picture.highlights == "full")
 
     @property
     def targets(self) -> Targets | None:

@@ -5,7 +5,8 @@ A face without a material has the scene's colours as they are. They are display-
     colour = sRGB(base_color * texel * C),    alpha = base_color's * texel's * C's      (glTF 2.0, section 3.9.2)
 
 where C is the scene's colour there, which is *linear* (COLOR_0 in glTF), and the texel is linear, too. The product is
-converted to sRGB, and is then blended like all other colours.
+converted to sRGB, and is then blended like all other colours. Where lights fall on it, that product is what they fall
+on. A plain material leaves the scene's colours as they are, and only says how they take light.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ NO_MATERIAL = -1
 
 @dataclass(frozen=True, eq=False)
 class Finish:
-    """What a material is beyond its base colour, kept for lights (glTF 2.0, section 3.9). Nothing of it is drawn yet.
+    """How a surface takes light (glTF 2.0, section 3.9). It matters where lights fall on it: render(lighting="kit").
 
     metallic, roughness: 0..1. emissive: linear RGB, which may exceed 1. normal_scale: how much red and green of the
     normal texture count. occlusion_strength: 0..1, how much the occlusion texture counts.
@@ -84,7 +85,8 @@ class Material:
     alpha_mode: OPAQUE ignores alpha. MASK cuts away fragments whose alpha is below alpha_cutoff. BLEND blends.
     opacity: the alpha of what is left by OPAQUE and MASK; it multiplies the alpha of BLEND. unlit: whether lights leave
     the material as it is. rgb_of_scene, alpha_of_scene: whether red, green and blue of the scene's colours count, and
-    their alpha. finish: how the surface takes light; None for a matt one.
+    their alpha. plain: the scene's colours are shown as they are, sRGB, and nothing but the finish counts. finish: how the
+    surface takes light; None for a matt one with a mild highlight.
 
     Raises InputError if a number or a word is none of these.
     """
@@ -98,6 +100,7 @@ class Material:
     unlit: bool = False
     rgb_of_scene: bool = True
     alpha_of_scene: bool = True
+    plain: bool = False
     finish: Finish | None = None
 
     def __post_init__(self) -> None:
@@ -108,6 +111,13 @@ class Material:
             raise InputError(f"opacity: expected a number 0..1, got {self.opacity}")
         if not self.alpha_cutoff >= 0:
             raise InputError(f"alpha_cutoff: expected a number of 0 or more, got {self.alpha_cutoff}")
+        if self.plain and (self.texture is not None or self.has_maps or self.unlit):
+            raise InputError("plain: expected no texture, and no unlit, with it")
+
+    @property
+    def has_maps(self) -> bool:
+        """Whether textures say how it takes light."""
+        return self.finish is not None and self.finish.uv_sets > 0 and not self.unlit
 
     @property
     def uv_sets(self) -> int:
@@ -128,6 +138,8 @@ class Material:
 
         most: the greatest alpha of the scene's colours.
         """
+        if self.plain:
+            raise ValueError("a plain material has the scene's alphas")
         if self.alpha_mode != "BLEND":
             count = int(self.opacity < 1)
             return np.full(count, self.opacity), np.ones(count)
@@ -146,6 +158,9 @@ class Material:
         alpha: of the scene's colours at the faces' corners, 0..1, [k] or [k, 3].
         """
         corners = alpha.reshape(len(alpha), -1) if self.alpha_of_scene else np.ones((len(alpha), 1))
+        if self.plain:
+            none = np.zeros(len(alpha), bool)
+            return (corners == 1).all(axis=1), none, none
         least, most = corners.min(axis=1), corners.max(axis=1)
         low, high = self.texel_alphas
         none, every = np.zeros(len(alpha), bool), np.full(len(alpha), self.opacity == 1)
@@ -205,8 +220,11 @@ def checked_materials(
 def recolored_material(material: Material, rgb: tuple[float, ...] | None, opacity: float | None) -> Material:
     """Return the material with red, green and blue replaced by rgb, and alpha by opacity; None keeps what there is.
 
-    rgb: linear, 0..1. Holes and soft edges of a texture stay, as they are the shape of what is drawn.
+    rgb: linear, 0..1. Holes and soft edges of a texture stay, as they are the shape of what is drawn. A plain material
+    stays as it is.
     """
+    if material.plain:
+        return material
     if rgb is not None:
         texture = material.texture
         if texture is not None:

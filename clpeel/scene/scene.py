@@ -28,6 +28,7 @@ from clpeel.scene.arrays import (
     checked_vertices,
     counted_alphas,
 )
+from clpeel.scene.lights import Lamp, checked_lights
 from clpeel.scene.materials import NO_MATERIAL, Material, Surfaces, checked_materials, recolored_material
 from clpeel.scene.textures import linear
 
@@ -75,6 +76,7 @@ class Scene:
     None if no material has a texture. more_uv: further ones, which textures of materials' lights name by number.
     single_sided: bool [m], faces that are seen from their front alone, from where their corners run counterclockwise.
     None if there are none.
+    lights: the scene's own (lights.py), for render(lighting="scene").
     notes: what the loader could not keep, one line each.
     """
 
@@ -89,6 +91,7 @@ class Scene:
     uv: NDArray[np.float32] | None = None
     more_uv: tuple[NDArray[np.float32], ...] = ()
     single_sided: NDArray[np.bool_] | None = None
+    lights: tuple[Lamp, ...] = ()
     notes: tuple[str, ...] = ()
 
     @staticmethod
@@ -106,6 +109,7 @@ class Scene:
         uv: ArrayLike | None = None,
         more_uv: Sequence[ArrayLike] = (),
         single_sided: ArrayLike | None = None,
+        lights: Sequence[Lamp] = (),
     ) -> Scene:
         """Return a scene made from arrays, all of which are checked.
 
@@ -133,7 +137,8 @@ class Scene:
             color = np.array(DEFAULT_COLOR, np.uint8)
         elif not names and of_faces is not None:
             own = np.full((len(triangles), 4), 255, np.uint8)
-            own[of_faces == NO_MATERIAL] = DEFAULT_COLOR
+            plain = np.array([*(material.plain for material in materials), True])
+            own[plain[of_faces]] = DEFAULT_COLOR
             color, face_colors = (own[0], None) if (own == own[0]).all() else (None, own)
         sets = max((material.uv_sets for material in materials), default=0)
         if uv is None and (sets or more_uv):
@@ -154,6 +159,7 @@ class Scene:
             uv=None if uv is None else checked_uv("uv", uv, len(points)),
             more_uv=tuple(checked_uv("more_uv", each, len(points)) for each in more_uv),
             single_sided=None if single_sided is None else checked_flags("single_sided", single_sided, len(triangles)),
+            lights=checked_lights(lights),
         )
         return scene if opacity is None else recolored(scene, None, checked_opacity(opacity))
 
@@ -226,7 +232,7 @@ class Scene:
 
         alpha: of the scene's colours, [k]. of_faces: the material of each face, [m].
         """
-        plain = of_faces == NO_MATERIAL
+        plain = self.plain_faces
         if self.vertex_colors is not None:
             found = [counted_alphas(alpha[self.faces[plain]])]
         else:
@@ -234,11 +240,18 @@ class Scene:
         most = float(as_float(alpha).max(initial=0.0))
         faces = np.bincount(of_faces[~plain], minlength=len(self.materials))
         for material, count in zip(self.materials, faces, strict=True):
-            if count:
+            if count and not material.plain:
                 values, shares = material.transparent_alphas(most)
                 found.append((values, shares * count))
         values, counts = (np.concatenate(each) for each in zip(*found, strict=True))
         return values, counts
+
+    @property
+    def plain_faces(self) -> NDArray[np.bool_]:
+        """Which faces have the scene's colours as they are: bool [m]."""
+        if self.face_materials is None:
+            return np.ones(len(self.faces), bool)
+        return np.array([*(material.plain for material in self.materials), True])[self.face_materials]
 
     @property
     def colors(self) -> Colors:
@@ -324,6 +337,7 @@ def joined(scenes: Sequence[Scene]) -> Scene:
         uv=uv[0] if uv else None,
         more_uv=uv[1:],
         single_sided=single_sided,
+        lights=tuple(light for scene in scenes for light in scene.lights),
         notes=notes,
         **colors,
     )
@@ -399,7 +413,7 @@ def recolored(scene: Scene, color: Colors | None, opacity: float | None) -> Scen
 
     A color [4] replaces the alpha, too, before opacity does. Where a texture cuts holes or blends, it still does.
     """
-    if scene.face_materials is not None:
+    if not scene.plain_faces.all():
         return _recolored_materials(scene, color, opacity)
     colors = _recolored_colors(scene.colors, color, opacity)
     fields: dict[str, Any] = {"face_colors": None, "vertex_colors": None, "color": None}
@@ -431,8 +445,7 @@ def _recolored_materials(scene: Scene, color: Colors | None, opacity: float | No
     alpha = float(as_float(color)[3]) if color is not None and len(color) == 4 and opacity is None else opacity
     materials = tuple(recolored_material(material, rgb, alpha) for material in scene.materials)
     found = _with_bounds(replace(scene, materials=materials), scene)
-    assert scene.face_materials is not None
-    plain = scene.face_materials == NO_MATERIAL
+    plain = scene.plain_faces
     if not plain.any():
         return found
     if scene.vertex_colors is not None:

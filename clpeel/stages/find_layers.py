@@ -33,7 +33,7 @@ from clpeel.pictures.lengths import Lengths, narrowed
 from clpeel.scene.camera import Camera
 from clpeel.scene.scene import Scene
 from clpeel.stages.binning import TILE_BYTES, Batch, bin_triangles
-from clpeel.stages.projection import Triangles, project
+from clpeel.stages.projection import Lit, Triangles, project
 from clpeel.stages.upload import DeviceScene
 from clpeel.stages.windows import Fragments, rasterize
 
@@ -56,7 +56,7 @@ So each of the two stays within the memory that the request allows.
 class Peeled:
     """Which layers of a view are peeled.
 
-    size: (width, height) in pixels. lit: whether there is a headlight. front, back: how many transparent layers of a
+    size: (width, height) in pixels. headlight: whether there is one. lit: other lights. front, back: how many transparent layers of a
     pixel are peeled from the front, and from the back. keep_coincident: peel all fragments of equal depth, instead of
     only the first submitted. opaque_first: whether a pixel's layers end with the first opaque one. depth_format: one of
     DEPTH_FORMATS (layout.py). backfaces, probes: as for `project`.
@@ -64,7 +64,8 @@ class Peeled:
 
     camera: Camera
     size: tuple[int, int]
-    lit: bool
+    headlight: bool
+    lit: Lit | None
     front: int
     back: int
     keep_coincident: bool
@@ -105,10 +106,11 @@ def find_layers(
             scene,
             peeled.camera,
             peeled.size,
-            peeled.lit,
+            peeled.headlight,
             depth_format=peeled.depth_format,
             backfaces=peeled.backfaces,
             probes=peeled.probes,
+            lit=peeled.lit,
         )
         features = triangles.features
         tiles = bin_triangles(gpu, triangles, budget.lists)

@@ -44,7 +44,7 @@ class Frame(Canvas):
         Where texels route fragments, the scene's colours are kept, as their alphas are factors of what is cut away.
         """
         features = self.triangles.features
-        changed = replace(features, headlight=False)
+        changed = replace(features, headlight=False, lights=False, positioned=False, maps=False, full_highlights=False)
         if not features.routed:
             changed = replace(changed, color_rate="scene", materials=False, levels=False, probes=1)
         return replace(self, triangles=replace(self.triangles, features=changed))

@@ -23,6 +23,8 @@ from clpeel.device.program import Arguments, Kernel, cut, launch, program
 from clpeel.device.records import TRIANGLE, VERTEX
 from clpeel.device.workspace import Workspace
 from clpeel.scene.camera import Camera
+from clpeel.scene.lights import Lamp
+from clpeel.stages.lighting import packed_lights, positioned
 from clpeel.stages.upload import DeviceScene
 
 STAGE = "projection"
@@ -72,6 +74,7 @@ class Triangles:
     records: cl.Buffer
     bounds: cl.Buffer
     weights: cl.Buffer | None
+    lighting: cl.Buffer | None  # LIGHTING and LAMPs where lights fall on the scene
 
     @property
     def count(self) -> int:
@@ -90,6 +93,7 @@ class Triangles:
             "material_of": self.scene.material_of,
             "materials": self.scene.materials,
             "textures": self.scene.textures,
+            "lighting": self.lighting,
         }
 
     @property
@@ -98,6 +102,18 @@ class Triangles:
         record = TRIANGLE.itemsize + BOUNDS_BYTES + (WEIGHTS_BYTES if self.weights is not None else 0)
         lists = STATE_BYTES * self.faces + LISTED_BYTES * (self.listed + self.clipped)
         return VERTEX.itemsize * len(self.scene.scene.vertices) + lists + record * self.count
+
+
+@dataclass(frozen=True)
+class Lit:
+    """What lights fall on a scene (scene/lights.py). intensity: what all of them are multiplied with.
+
+    full_highlights: whether highlights stay as bright where the surface is transparent (shade.h).
+    """
+
+    lights: tuple[Lamp, ...]
+    intensity: float = 1.0
+    full_highlights: bool = False
 
 
 @dataclass(frozen=True)
@@ -148,24 +164,29 @@ def project(
     *,
     backfaces: str = "default",
     probes: int = 1,
+    lit: Lit | None = None,
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height), in samples.
 
     headlight: whether a light at the camera shades the colours. opaque_first: list opaque faces before the others;
     without it all faces count as transparent. depth_format: one of DEPTH_FORMATS, how fragments keep their depths.
     backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", which draws all that are
-    not single-sided. probes: the most samples of a texture along a pixel's longer side.
+    not single-sided. probes: the most samples of a texture along a pixel's longer side. lit: by what lights, if the
+    scene was uploaded for lights.
     """
     surfaces = scene.surfaces if opaque_first else "transparent"
-    materials = scene.material_of is not None
     features = Features(
         lanes=gpu.lanes,
         color_rate=scene.color_rate,
         packed_color=scene.packed_color,
         headlight=headlight,
+        lights=lit is not None,
+        positioned=lit is not None and positioned(lit.lights),
+        maps=lit is not None and scene.shading.maps,
+        full_highlights=lit is not None and lit.full_highlights,
         surfaces=surfaces,
         depth_format=depth_format,
-        materials=materials,
+        materials=scene.shading.materials,
         routed=scene.shading.routed,
         hiding=scene.shading.hiding and surfaces == "mixed",
         levels=scene.shading.levels,
@@ -181,6 +202,10 @@ def project(
     lists = _list_triangles(gpu, scene, view, features, {**corners, **sides})
     outputs = _set_up(gpu, scene, view, features, corners, lists, sides)
     direction = camera.axes()[2]
+    lighting = None
+    if lit is not None:
+        packed = packed_lights(lit.lights, lit.intensity, camera, scene.grid, view.clipping, size[1])
+        lighting = gpu.put("lighting", packed)
     return Triangles(
         scene=scene,
         features=features,
@@ -197,6 +222,7 @@ def project(
         records=outputs["triangles"],
         bounds=outputs["bounds"],
         weights=outputs["weights"],
+        lighting=lighting,
     )
 
 

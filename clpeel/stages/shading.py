@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from clpeel.device import layout
 from clpeel.device.records import MATERIAL
 from clpeel.scene.arrays import AnyArray
-from clpeel.scene.materials import Material
+from clpeel.scene.materials import Finish, Material
 from clpeel.scene.scene import Scene
 from clpeel.scene.textures import Texture, linear_of_bytes, srgb
+from clpeel.stages.albedo import albedo_of, albedo_tables
 
 MOST_FLOAT_BYTES = 1 << 28
 """Texels are stored as four floats if all of them take no more bytes than this: then kernels need not decode them. The
@@ -33,42 +34,83 @@ _FULL = 65535
 class Shading:
     """What kernels are compiled for, besides the scene's colours: see Features."""
 
+    materials: bool
     routed: bool
     hiding: bool
     levels: bool
+    maps: bool
 
 
-def shading_of(scene: Scene) -> Shading:
-    """Return what the scene's materials need of kernels."""
-    textures = [material.texture for material in scene.materials if material.texture is not None]
-    levels = any(texture.mipmapped or texture.magnify != texture.minify for texture in textures)
+MATT = Finish(metallic=0.0, roughness=0.5)
+"""How surfaces take light that nothing is known of: with a mild highlight."""
+
+
+def shading_of(scene: Scene, lights: bool) -> Shading:
+    """Return what the scene's materials need of kernels. lights: whether lights fall on them."""
+    used = used_materials(scene, lights)
+    maps = any(lights and material.has_maps for material in used)
+    levels = any(t.mipmapped or t.magnify != t.minify for m in used for t, _ in _textures(m, lights))
     kinds = scene.kinds
-    return Shading(bool(kinds.routed.any()), bool(kinds.hiding.any()), levels)
+    return Shading(bool(used), bool(kinds.routed.any()), bool(kinds.hiding.any()), levels, maps)
 
+
+def used_materials(scene: Scene, lights: bool) -> tuple[Material, ...]:
+    """Return the materials that matter: without lights, those that are plain do not."""
+    return scene.materials if lights or not all(m.plain for m in scene.materials) else ()
+
+
+def _textures(material: Material, lights: bool) -> Iterator[tuple[Texture, bool]]:
+    """Yield the textures that matter, and whether their texels are numbers instead of colours."""
+    if material.texture is not None:
+        yield material.texture, False
+    if lights and material.finish is not None and not material.unlit:
+        for name, numbers in MAPS.items():
+            texture = getattr(material.finish, f"{name}_texture")
+            if texture is not None:
+                yield texture, numbers
+
+
+MAPS = {"metallic_roughness": True, "normal": True, "occlusion": True, "emissive": False}
+"""The maps of a Finish, and whether their texels are numbers."""
 
 # --- materials --------------------------------------------------------------------------------------------------------
 
 
 def material_table(scene: Scene, packed: Packed) -> NDArray[np.void]:
-    """Return the scene's materials as records, MATERIAL [k]. packed: their textures."""
-    table = np.zeros(len(scene.materials), MATERIAL)
+    """Return MATERIAL [1 + k]: that of faces without a material, and the scene's. packed: their textures."""
+    used = used_materials(scene, packed.lights)
+    table = np.zeros(1 + len(used), MATERIAL)
+    plain = Material(plain=True)
     kinds, of_faces = scene.kinds, scene.face_materials
     routed, hiding = (
         set(np.unique(of_faces[kind])) if of_faces is not None else set() for kind in (kinds.routed, kinds.hiding)
     )
-    for place, (row, material) in enumerate(zip(table, scene.materials, strict=True)):
+    for place, (row, material) in enumerate(zip(table, (plain, *used), strict=True), -1):
         row["base_color"] = material.base_color
         row["opacity"], row["alpha_cutoff"] = material.opacity, material.alpha_cutoff
-        flags = _flags(material)
-        flags |= layout.ROUTED_BY_TEXELS if place in routed else 0
-        flags |= layout.HIDES if place in hiding else 0
+        row["flags"] = _flags(material)
+        row["flags"] |= layout.ROUTED_BY_TEXELS if place in routed else 0
+        row["flags"] |= layout.HIDES if place in hiding else 0
         if material.texture is not None:
-            row["texture"] = packed.starts[_key(material.texture)]
-            flags |= layout.FLOAT_TEXELS if packed.floats or material.texture.image.dtype != np.uint8 else 0
-            row["width"], row["height"] = material.texture.size
-            row["last_level"] = len(level_sizes(material.texture)) - 1
-        row["flags"] = flags
+            _put_sampling(row["base"], material.texture, False, packed)
+        if packed.lights:
+            _put_finish(row, material, packed, len(scene.vertices))
     return table
+
+
+def _put_finish(row: np.void, material: Material, packed: Packed, vertex_count: int) -> None:
+    """Fill in what lights need of a material."""
+    finish = material.finish or MATT
+    roughness = max(finish.roughness, layout.LEAST_ROUGHNESS)
+    row["metallic"], row["roughness"], row["emissive"] = finish.metallic, roughness, finish.emissive
+    row["normal_scale"], row["occlusion_strength"] = finish.normal_scale, finish.occlusion_strength
+    row["albedo"] = albedo_of(roughness).reshape(-1)
+    row["mapped"] = material.has_maps
+    for name, numbers in MAPS.items() if material.has_maps else ():
+        texture = getattr(finish, f"{name}_texture")
+        if texture is not None:
+            _put_sampling(row[f"{name}_map"], texture, numbers, packed)
+            row[f"{name}_map"]["uv"] = getattr(finish, f"{name}_uv") * vertex_count
 
 
 def _flags(material: Material) -> int:
@@ -77,10 +119,15 @@ def _flags(material: Material) -> int:
     flags |= layout.UNLIT if material.unlit else 0
     flags |= layout.RGB_OF_SCENE if material.rgb_of_scene else 0
     flags |= layout.ALPHA_OF_SCENE if material.alpha_of_scene else 0
-    texture = material.texture
-    if texture is None:
-        return flags
-    flags |= layout.TEXTURED
+    flags |= layout.PLAIN if material.plain else 0
+    flags |= layout.TEXTURED if material.texture is not None else 0
+    return flags
+
+
+def _put_sampling(row: np.void, texture: Texture, numbers: bool, packed: Packed) -> None:
+    """Fill in a SAMPLING. numbers: whether the texels are numbers instead of colours."""
+    flags = layout.NUMBERS if numbers else 0
+    flags |= layout.FLOAT_TEXELS if packed.floats or texture.image.dtype != np.uint8 else 0
     for wrap, mirror, clamp in zip(
         texture.wrap, (layout.MIRROR_U, layout.MIRROR_V), (layout.CLAMP_U, layout.CLAMP_V), strict=True
     ):
@@ -88,40 +135,45 @@ def _flags(material: Material) -> int:
     flags |= layout.MAGNIFY_LINEAR if texture.magnify == "linear" else 0
     flags |= layout.MINIFY_LINEAR if texture.minify.startswith("linear") else 0
     flags |= layout.BETWEEN_LEVELS if texture.minify.endswith("mipmap-linear") else 0
-    return flags
+    row["flags"], row["used"], row["texture"] = flags, True, packed.starts[_key(texture, numbers)]
+    row["width"], row["height"] = texture.size
+    row["last_level"] = len(level_sizes(texture)) - 1
 
 
 # --- textures ---------------------------------------------------------------------------------------------------------
 
-_Key = tuple[int, bool, bool]
+_Key = tuple[int, bool, bool, bool]
 
 
-def _key(texture: Texture) -> _Key:
+def _key(texture: Texture, numbers: bool) -> _Key:
     """Return what tells apart textures with different texels.
 
     Samplers of one image share these if they have the same beyond its right edge.
     """
-    return id(texture.image), texture.mipmapped, texture.wrap[0] == "repeat"
+    return id(texture.image), texture.mipmapped, texture.wrap[0] == "repeat", numbers
 
 
 @dataclass(frozen=True, eq=False)
 class Packed:
     """The textures of some materials in one array of words, uint32, and where each begins in it, by its key.
 
-    floats: whether all texels are floats. images: kept alive, as their identities are keys.
+    floats: whether all texels are floats. images: kept alive, as their identities are keys. lights: whether there are
+    those that only lights need.
     """
 
     words: NDArray[np.uint32]
     starts: dict[_Key, int]
     floats: bool
     images: list[AnyArray]
+    lights: bool
 
 
-def packed_textures(materials: Sequence[Material]) -> Packed:
-    """Return the textures of these materials, each image once."""
+def packed_textures(materials: Sequence[Material], lights: bool = False) -> Packed:
+    """Return the textures of these materials, each image once. lights: with those that only lights need."""
     scales = (1.055 * 2.0 ** (np.arange(-15, 1) * 5 / 12)).astype(np.float32)
-    tables = np.concatenate([linear_of_bytes(), scales]).view(np.uint32)
-    distinct = {_key(texture): texture for texture in (m.texture for m in materials) if texture is not None}
+    albedo = albedo_tables().reshape(-1) if lights else np.zeros(0, np.float32)
+    tables = np.concatenate([linear_of_bytes(), scales, albedo]).view(np.uint32)
+    distinct = {_key(texture, numbers): texture for m in materials for texture, numbers in _textures(m, lights)}
     floats = 16 * sum(_level_starts(texture)[-1] for texture in distinct.values()) <= MOST_FLOAT_BYTES
     starts: dict[_Key, int] = {}
     end = len(tables)
@@ -132,8 +184,8 @@ def packed_textures(materials: Sequence[Material]) -> Packed:
     packed = np.zeros(end, np.uint32)
     packed[: len(tables)] = tables
     with ThreadPoolExecutor() as pool:  # NumPy lets other threads work meanwhile
-        list(pool.map(lambda key: _fill(packed[starts[key] :], distinct[key], floats), distinct))
-    return Packed(packed, starts, floats, [texture.image for texture in distinct.values()])
+        list(pool.map(lambda key: _fill(packed[starts[key] :], distinct[key], floats, key[3]), distinct))
+    return Packed(packed, starts, floats, [texture.image for texture in distinct.values()], lights)
 
 
 def _level_starts(texture: Texture) -> list[int]:
@@ -141,26 +193,29 @@ def _level_starts(texture: Texture) -> list[int]:
     return [0, *accumulate((width + 1) * height for width, height in level_sizes(texture))]
 
 
-def _fill(words: NDArray[np.uint32], texture: Texture, floats: bool) -> None:
-    """Write a texture as kernels read it: where its levels begin, then their texels.
+def _fill(words: NDArray[np.uint32], texture: Texture, floats: bool, numbers: bool) -> None:
+    """Write a texture as kernels read it: where its levels begin, then their texels. numbers: these are no colours.
 
     Behind each row is the texel that is to the right of its last one: the first, if the texture repeats, else the last.
     """
     starts = _level_starts(texture)
     words[: len(starts) - 1] = starts[:-1]
     texels = words[layout.LEVEL_STARTS :].view(np.float32 if floats or texture.image.dtype != np.uint8 else np.uint8)
-    for start, level in zip(starts, mip_map(texture), strict=False):
+    for start, level in zip(starts, mip_map(texture, numbers), strict=False):
         height, width = level.shape[:2]
         rows = texels[4 * start : 4 * (start + height * (width + 1))].reshape(height, width + 1, 4)
         if level.dtype == rows.dtype:
             rows[:, :-1] = level
         else:
-            _to_floats(level, rows[:, :-1])
+            _to_floats(level, rows[:, :-1], numbers)
         rows[:, -1] = rows[:, 0] if texture.wrap[0] == "repeat" else rows[:, -2]
 
 
-def _to_floats(level: AnyArray, found: AnyArray) -> None:
+def _to_floats(level: AnyArray, found: AnyArray, numbers: bool) -> None:
     """Write a level's bytes as float32, linear: what kernels decode bytes to, to the bit."""
+    if numbers:
+        found[...] = level / np.float32(255)
+        return
     for rows in _strips(level):
         found[rows, :, :3] = linear_of_bytes()[level[rows, :, :3]]
         found[rows, :, 3] = level[rows, :, 3] / np.float32(255)
@@ -182,14 +237,19 @@ def level_sizes(texture: Texture) -> list[tuple[int, int]]:
     return sizes
 
 
-def mip_map(texture: Texture) -> list[AnyArray]:
+def mip_map(texture: Texture, numbers: bool = False) -> list[AnyArray]:
     """Return the texture's levels, [height, width, 4] each, of the image's type.
 
-    A texel is the mean of those that it covers in the level before, in linear light.
+    A texel is the mean of those that it covers in the level before, in linear light. numbers: the texels are no colours.
     """
     levels = [texture.image]
     for _ in level_sizes(texture)[1:]:
-        levels.append(_halved_bytes(levels[-1]) if texture.image.dtype == np.uint8 else _halved_floats(levels[-1]))
+        if texture.image.dtype != np.uint8:
+            levels.append(_halved_floats(levels[-1]))
+        elif numbers:
+            levels.append(np.rint(_box(_box(levels[-1].astype(np.float64), 0), 1)).astype(np.uint8))
+        else:
+            levels.append(_halved_bytes(levels[-1]))
     return levels
 
 

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
 from clpeel.scene.arrays import AnyArray, Colors
 from clpeel.scene.scene import Positions, Scene
-from clpeel.stages.shading import Packed, Shading, material_table, packed_textures, shading_of
+from clpeel.stages.shading import Packed, Shading, material_table, packed_textures, shading_of, used_materials
 
 MOST_ITEMS = 2**31 // 3
 """The most vertices or faces of a scene. Each has three numbers, and kernels gather them by signed 32-bit places."""
@@ -25,8 +26,9 @@ class DeviceScene:
     parts; low_positions is None if all low parts are 0. faces: uint32 [m, 3]. palette: straight RGBA as given, uint8 or
     float32 [k, 4]; k is 1, n or m. normals: float32 [n, 3] or None. color_rate: "scene", "face" or "vertex".
     packed_color: whether the palette is uint8. surfaces: "opaque", "transparent" or "mixed".
-    shading: what its materials need of kernels. uv: float32 [n, 2]; material_of: int32 [m]; materials: MATERIAL [j];
-    textures: uint32; packed: the same textures on the host. All of them are None if there are no materials.
+    shading: what its materials need of kernels. uv: float32 [sets, n, 2]; material_of: int32 [m]; materials: MATERIAL
+    [1 + j]; textures: uint32; packed: the same textures on the host. All of them are None if there are no materials,
+    but for the last three where lights fall on the scene.
     single_sided: uint8 [m] or None. opaque_faces: uint32 [m], bytes of a colour whose alpha is 255 where a face is
     opaque; None if the palette says so. nbytes: of all arrays.
     """
@@ -52,10 +54,12 @@ class DeviceScene:
     nbytes: int
 
 
-def upload(gpu: Workspace, scene: Scene, normals: bool = False, like: DeviceScene | None = None) -> DeviceScene:
-    """Puts a scene on the device. normals: with its vertex normals, if it has some.
+def upload(
+    gpu: Workspace, scene: Scene, normals: bool = False, like: DeviceScene | None = None, lights: bool = False
+) -> DeviceScene:
+    """Puts a scene on the device. normals: with its vertex normals, if it has some. lights: with what lights need.
 
-    like: a scene on the device that has the same textures. They are not copied again.
+    like: a scene on the device that has the same textures. They are not copied again if they suffice.
     Raises InputError when the scene has more vertices or triangles than the kernels can number (MOST_ITEMS).
     """
     most = max(len(scene.vertices), len(scene.faces))
@@ -73,14 +77,16 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False, like: DeviceScen
     if scene.single_sided is not None:
         arrays["single_sided"] = scene.single_sided.view(np.uint8)
     packed, textures = None, None
-    if scene.face_materials is not None:
-        if like is None or like.packed is None:
-            packed = packed_textures(scene.materials)
+    used = used_materials(scene, lights)
+    if used or lights:
+        if like is None or like.packed is None or like.packed.lights < lights:
+            packed = packed_textures(used, lights)
             textures = _buffers(gpu, {"textures": packed.words})["textures"]
         else:
             packed, textures = like.packed, like.textures
-        arrays["material_of"] = scene.face_materials
-        arrays["uv"] = np.zeros((len(scene.vertices), 2), np.float32) if scene.uv is None else scene.uv
+        if scene.face_materials is not None and used:
+            arrays["material_of"] = scene.face_materials
+            arrays["uv"] = _coordinates(scene, lights)
         arrays |= _of_materials(scene, packed)
     held = _buffers(gpu, arrays)
     return DeviceScene(
@@ -94,7 +100,7 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False, like: DeviceScen
         color_rate=rate,
         packed_color=colors.dtype == np.uint8,
         surfaces=scene.surfaces,
-        shading=shading_of(scene),
+        shading=shading_of(scene, lights),
         uv=held.get("uv"),
         material_of=held.get("material_of"),
         materials=held.get("materials"),
@@ -106,10 +112,19 @@ def upload(gpu: Workspace, scene: Scene, normals: bool = False, like: DeviceScen
     )
 
 
+def _coordinates(scene: Scene, lights: bool) -> NDArray[np.float32]:
+    """The texture coordinates of all sets that matter, float32 [sets, n, 2]."""
+    if scene.uv is None:
+        return np.zeros((1, len(scene.vertices), 2), np.float32)
+    return np.stack([scene.uv, *scene.more_uv]) if lights and scene.more_uv else scene.uv[None]
+
+
 def _of_materials(scene: Scene, packed: Packed) -> dict[str, AnyArray]:
     """The arrays that depend on the materials' numbers, but not on their textures."""
-    opaque = np.where(scene.kinds.opaque, np.uint32(0xFF000000), np.uint32(0))
-    return {"materials": material_table(scene, packed), "opaque_faces": opaque}
+    found: dict[str, AnyArray] = {"materials": material_table(scene, packed)}
+    if used_materials(scene, packed.lights):
+        found["opaque_faces"] = np.where(scene.kinds.opaque, np.uint32(0xFF000000), np.uint32(0))
+    return found
 
 
 def _buffers(gpu: Workspace, arrays: dict[str, AnyArray]) -> dict[str, cl.Buffer]:
@@ -131,7 +146,8 @@ def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
     Only these are copied. A scene that got vertices of its own for its faces is uploaded as a whole.
     """
     if len(scene.vertices) != len(held.scene.vertices):
-        return upload(gpu, scene, held.normals is not None, like=held)
+        lights = held.packed is not None and held.packed.lights
+        return upload(gpu, scene, held.normals is not None, like=held, lights=lights)
     rate, colors = _palette(scene)
     arrays: dict[str, AnyArray] = {"palette": colors}
     if held.packed is not None:
@@ -146,7 +162,7 @@ def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
         color_rate=rate,
         packed_color=colors.dtype == np.uint8,
         surfaces=scene.surfaces,
-        shading=shading_of(scene),
+        shading=shading_of(scene, held.packed is not None and held.packed.lights),
         nbytes=held.nbytes - int(held.palette.size) + colors.nbytes,
     )
 

@@ -52,6 +52,9 @@ class Technique(Generic[O]):
     """Names of the maps that `finish` makes besides the picture. They are attributes of `Result`; `--map` writes the
     first."""
 
+    light_apart: ClassVar[bool] = False
+    """Whether it keeps light apart from colours, as one number. Then the headlight stands for all lights."""
+
     all_surfaces: ClassVar[bool] = False
     """Whether opaque surfaces are treated like all others, instead of being drawn first."""
 

@@ -54,6 +54,7 @@ class Translucency(Measuring[TranslucencyOptions]):
     summary = "surfaces with a light behind them, which comes through where they are thin"
     kernel = "techniques/translucency.cl"
     options = TranslucencyOptions
+    light_apart = True
 
     def draw(self, frame: Frame, batch: Batch, options: TranslucencyOptions) -> Drawn:
         """Draws a batch. The kernel's lengths are in the device's units, so the extinction is converted to these."""

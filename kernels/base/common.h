@@ -309,6 +309,15 @@ INLINE void add_long(volatile global uint *total, ulong value)
     if (high) atomic_add(total + 1, high);
 }
 
+// Turns a 4 x 4 matrix: rows become columns.
+#define TRANSPOSE(a, b, c, d)                                                                                   \
+    {                                                                                                           \
+        float4 ab = (float4)(a.x, b.x, a.y, b.y), cd = (float4)(c.x, d.x, c.y, d.y);                            \
+        float4 far_ab = (float4)(a.z, b.z, a.w, b.w), far_cd = (float4)(c.z, d.z, c.w, d.w);                    \
+        a = (float4)(ab.lo, cd.lo), b = (float4)(ab.hi, cd.hi);                                                 \
+        c = (float4)(far_ab.lo, far_cd.lo), d = (float4)(far_ab.hi, far_cd.hi);                                 \
+    }
+
 // --- colour ---------------------------------------------------------------------------------------------------------
 // byte / 255, correctly rounded for every byte. 257 / 2^16 of it is exact, and the rest is too small to be rounded
 // wrongly.

@@ -127,10 +127,9 @@ INLINE void fetch_colors(const VECTOR(ulong) *fragments, uint row_count, global 
             uint4 at = ((const uint4 *)&place)[k];
             global const float4 *from = (global const float4 *)colors;
             float4 a = from[at.x], b = from[at.y], c = from[at.z], d = from[at.w];
-            float4 ab = (float4)(a.x, b.x, a.y, b.y), cd = (float4)(c.x, d.x, c.y, d.y);
-            ((float4 *)&found.red)[k] = (float4)(ab.lo, cd.lo), ((float4 *)&found.green)[k] = (float4)(ab.hi, cd.hi);
-            ab = (float4)(a.z, b.z, a.w, b.w), cd = (float4)(c.z, d.z, c.w, d.w);
-            ((float4 *)&found.blue)[k] = (float4)(ab.lo, cd.lo), ((float4 *)&found.alpha)[k] = (float4)(ab.hi, cd.hi);
+            TRANSPOSE(a, b, c, d)
+            ((float4 *)&found.red)[k] = a, ((float4 *)&found.green)[k] = b;
+            ((float4 *)&found.blue)[k] = c, ((float4 *)&found.alpha)[k] = d;
         }
         const VECTOR(float) zero = (VECTOR(float))(0.0f);
         fetched[row].red = present ? found.red : zero, fetched[row].green = present ? found.green : zero;

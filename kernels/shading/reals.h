@@ -139,6 +139,19 @@ INLINE Reals to_srgb(global const uint *textures, Reals value)
     return value > (Reals)(0.0031308f) ? curve : 12.92f * value;
 }
 
+// sRGB 0 .. 1 as linear light, to 2e-6 of what is shown. The power 2.4 is that of 2, times that of 0.4, a polynomial of the
+// root.
+INLINE Reals to_linear(Reals value)
+{
+    Reals base = (value + 0.055f) * 0x1.e54edcp-1f, root = square_root(base), f = root - 0.65f;
+    Reals sum = 0.080373914f * f - 0.058175549f;
+    sum = sum * f + 0.062352423f;
+    sum = sum * f - 0.111554794f;
+    sum = sum * f + 0.832914054f;
+    Reals curve = base * base * (1.0f + (root - 1.0f) * sum);
+    return value > (Reals)(0.04045f) ? curve : value * 0x1.3d0722p-4f;
+}
+
 // --- colours --------------------------------------------------------------------------------------------------------
 // A part of SHADED colours: as many as a vector has room for, four floats each. Lanes that shade one by one have one.
 // LEFT_PART, RIGHT_PART: the part of the first, and of the second halves of so many pairs of colours.
@@ -190,6 +203,34 @@ INLINE Part part_to_srgb(global const uint *textures, Part color)
     return (float4)(to_srgb(textures, color.x), to_srgb(textures, color.y), to_srgb(textures, color.z), color.w);
 #else
     return to_srgb(textures, color);
+#endif
+}
+
+// SHADED colours as numbers of each channel, and the reverse.
+INLINE void to_channels(const float4 *colors, Reals channels[4])
+{
+#if SHADED == 1
+    UNROLL for (int c = 0; c < 4; ++c) channels[c] = ((const float *)colors)[c];
+#else
+    UNROLL for (int k = 0; k < SHADED / 4; ++k) {
+        float4 a = colors[4 * k], b = colors[4 * k + 1], c = colors[4 * k + 2], d = colors[4 * k + 3];
+        TRANSPOSE(a, b, c, d)
+        ((float4 *)channels)[k] = a, ((float4 *)(channels + 1))[k] = b;
+        ((float4 *)(channels + 2))[k] = c, ((float4 *)(channels + 3))[k] = d;
+    }
+#endif
+}
+INLINE void of_channels(const Reals channels[4], float4 *colors)
+{
+#if SHADED == 1
+    UNROLL for (int c = 0; c < 4; ++c) ((float *)colors)[c] = channels[c];
+#else
+    UNROLL for (int k = 0; k < SHADED / 4; ++k) {
+        float4 a = ((const float4 *)channels)[k], b = ((const float4 *)(channels + 1))[k];
+        float4 c = ((const float4 *)(channels + 2))[k], d = ((const float4 *)(channels + 3))[k];
+        TRANSPOSE(a, b, c, d)
+        colors[4 * k] = a, colors[4 * k + 1] = b, colors[4 * k + 2] = c, colors[4 * k + 3] = d;
+    }
 #endif
 }
 

@@ -1,6 +1,7 @@
 // Shading: the colours of fragments, where they vary over a face (FRAGMENT_COLOR).
 //
-//   a face without a material has the scene's colours as they are: of all, of the face, or of its vertices
+//   a face without a material has the scene's colours as they are: of all, of the face, or of its vertices. So has one whose
+//       material is PLAIN: it says no more than how lights fall on it
 //   a face with a material has  sRGB(base_color * texel * C),  where C is the scene's colour, which is linear there; and
 //       alpha  opacity                                         where its alpha means nothing
 //              opacity, or 0 where it is less than the cut-off  CUT
@@ -12,7 +13,7 @@
 #define SHADE_H
 
 #include "fragments/colors.h"
-#include "shading/textures.h"
+#include "shading/lights.h"
 
 // What the colours of a batch's fragments are computed from: as given (fragments/colors.h); where they vary over a face,
 // the corners' shares (stages/projection.h, store_weights), the normals and texture coordinates of vertices; and where
@@ -24,7 +25,15 @@ typedef struct {
     global const int *material_of;
     global const Material *materials;
     global const uint *textures;
+    global const Lighting *lighting;
 } Shading;
+
+#define NORMALS (HEADLIGHT | LIGHTS)
+
+// Whether fragments are painted, a vector of them at a time: they have materials, or lights fall on them. The first of all
+// materials is that of faces without one, whose number is -1.
+#define PAINTED (MATERIALS | LIGHTS)
+#define MATERIAL_AT(shading, number) ((shading)->materials + 1 + (number))
 
 #if FRAGMENT_COLOR
 // The barycentric weights of a record at SHADED pixels, times twice its area: the same as in VISITS, to the bit. x, y:
@@ -53,19 +62,26 @@ INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
 typedef struct {
     float weight[9];
     float4 color[3];
-#if HEADLIGHT
+#if NORMALS
     float3 normal[3];
 #endif
-#if MATERIALS
+#if LIGHTS
+    float side;  // -1 if the face is seen from behind, else 1
+#endif
+#if POSITIONED
+    float depth[3];  // of the record's plane (stages/walk.h, keys_of), with the factor of its weights
+    float per_area;
+#endif
+#if PAINTED
     bool opaque;  // whether the scene's alphas at its vertices are all 1
-    global const Material *material;
+    global const Material *material;  // NULL for the scene's colours as they are, without lights
     float4 base;  // the material's base colour; times the scene's colour, if that does not vary over the face
     float2 uv[3];
     float3 right, down;
 #endif
 } Face;
 
-#if MATERIALS
+#if PAINTED
 // What the scene's colour contributes to a material's.
 INLINE float4 tint_of(global const Material *m, float4 color)
 {
@@ -86,20 +102,27 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 #else
     f->color[0] = palette_color(shading->palette, COLOR_RATE_FACE ? source : 0);
 #endif
-#if HEADLIGHT
+#if NORMALS
     f->normal[0] = load3(shading->normals, vertex.x), f->normal[1] = load3(shading->normals, vertex.y);
     f->normal[2] = load3(shading->normals, vertex.z);
 #endif
-#if MATERIALS
+#if LIGHTS
+    f->side = t->flags & BACK_FACING ? -1.0f : 1.0f;
+#endif
+#if POSITIONED
+    UNROLL for (int k = 0; k < 3; ++k) f->depth[k] = t->depth[k];
+    f->per_area = t->inverse_area;
+#endif
+#if PAINTED
     f->opaque = f->color[0].w == 1.0f;
     if (COLOR_RATE_VERTEX) f->opaque = f->opaque && f->color[1].w == 1.0f && f->color[2].w == 1.0f;
-    int number = shading->material_of[source];
-    f->material = number < 0 ? 0 : shading->materials + number;
+    int number = MATERIALS ? shading->material_of[source] : -1;
+    f->material = number < 0 && !LIGHTS ? 0 : MATERIAL_AT(shading, number);
     if (!f->material) return;
     global const float *base = f->material->base_color;
     f->base = (float4)(base[0], base[1], base[2], base[3]);
     if (!COLOR_RATE_VERTEX) f->base *= tint_of(f->material, f->color[0]);
-    if (!(f->material->flags & TEXTURED)) return;
+    if (!MATERIALS || !(f->material->flags & TEXTURED)) return;
     global const float2 *uv = (global const float2 *)shading->uv;
     f->uv[0] = uv[vertex.x], f->uv[1] = uv[vertex.y], f->uv[2] = uv[vertex.z];
 #if LEVELS
@@ -126,12 +149,12 @@ INLINE void prefetch_faces(global const Triangle *triangles, global const uint *
         PREFETCH(shading->weights + 9 * record);
         PREFETCH(shading->weights + 9 * record + 8);
         if (COLOR_RATE_FACE) PREFETCH((global const uchar *)shading->palette + (size_t)source * (PACKED_COLOR ? 4 : 16));
-#if COLOR_RATE_VERTEX || HEADLIGHT || MATERIALS
+#if COLOR_RATE_VERTEX || NORMALS || MATERIALS
         global const uint *vertex = shading->faces + 3 * source;
         for (int j = 0; j < 3; ++j) {
             if (COLOR_RATE_VERTEX)
                 PREFETCH((global const uchar *)shading->palette + (size_t)vertex[j] * (PACKED_COLOR ? 4 : 16));
-            if (HEADLIGHT) PREFETCH(shading->normals + 3 * vertex[j]);
+            if (NORMALS) PREFETCH(shading->normals + 3 * vertex[j]);
             if (MATERIALS) PREFETCH(shading->uv + 2 * vertex[j]);
         }
 #endif
@@ -141,7 +164,12 @@ INLINE void prefetch_faces(global const Triangle *triangles, global const uint *
 // --- where on a face ------------------------------------------------------------------------------------------------
 // SHADED pixels of a record on its face: the shares of the face's three vertices, which sum to 1; and what they were
 // multiplied with for that.
-typedef struct { Reals share[3], scale; } OnFace;
+typedef struct {
+    Reals share[3], scale;
+#if POSITIONED
+    Reals depth;
+#endif
+} OnFace;
 
 // weight: the record's barycentric weights there, times twice its area.
 INLINE void place_on_face(const Reals weight[3], const Face *f, OnFace *place)
@@ -155,9 +183,35 @@ INLINE void place_on_face(const Reals weight[3], const Face *f, OnFace *place)
     }
     place->scale = 1.0f / (place->share[0] + place->share[1] + place->share[2]);
     UNROLL for (int j = 0; j < 3; ++j) place->share[j] *= place->scale;
+#if POSITIONED
+    place->depth = f->depth[0] + (weight[1] * f->depth[1] + weight[2] * f->depth[2]) * f->per_area;
+#endif
 }
 
-#if MATERIALS
+#if LIGHTS
+// What light falls on there. x, y: the first pixel's sample, in subpixels from the image's centre.
+INLINE void surface_of(const Face *f, const OnFace *place, global const Lighting *lighting, int x, int y, Surface *s)
+{
+    Reals a = place->share[0], b = place->share[1], c = place->share[2], n[3];
+    n[0] = a * f->normal[0].x + b * f->normal[1].x + c * f->normal[2].x;
+    n[1] = a * f->normal[0].y + b * f->normal[1].y + c * f->normal[2].y;
+    n[2] = a * f->normal[0].z + b * f->normal[1].z + c * f->normal[2].z;
+    global const float *axes = lighting->right;  // then up, and back
+    UNROLL for (int j = 0; j < 3; ++j)
+        s->normal[j] = f->side * (n[0] * axes[3 * j] + n[1] * axes[3 * j + 1] + n[2] * axes[3 * j + 2]);
+#if SHADED == 1
+    s->ray[0] = (float)x * lighting->ray, s->ray[1] = (float)y * lighting->ray;
+#else
+    s->ray[0] = TO_REALS(x + SHADED_COLUMNS * SUBPIXELS) * lighting->ray;
+    s->ray[1] = TO_REALS(y + SHADED_ROWS * SUBPIXELS) * lighting->ray;
+#endif
+#if POSITIONED
+    s->distance = lighting->perspective ? lighting->near / place->depth : lighting->far - place->depth * lighting->span;
+#endif
+}
+#endif
+
+#if PAINTED
 // Where the material's texture is sampled there. The texture coordinates of vertex j, divided by w, are linear over the
 // screen. So they grow from pixel to pixel as the shares do, less what the sum of shares grows by.
 INLINE void spot_of(const Face *f, const OnFace *place, Spot *spot)
@@ -167,7 +221,7 @@ INLINE void spot_of(const Face *f, const OnFace *place, Spot *spot)
 #if LEVELS
     Reals u_x = (f->right.x - spot->u * f->right.z) * place->scale, v_x = (f->right.y - spot->v * f->right.z) * place->scale;
     Reals u_y = (f->down.x - spot->u * f->down.z) * place->scale, v_y = (f->down.y - spot->v * f->down.z) * place->scale;
-    reach_of(f->material, u_x, v_x, u_y, v_y, spot);
+    reach_of(&f->material->base, u_x, v_x, u_y, v_y, spot);
 #endif
 }
 #endif
@@ -179,7 +233,7 @@ INLINE float4 scene_color(const Face *f, const OnFace *place, int k)
 #if COLOR_RATE_VERTEX
     float a = ONE_OF(float, place->share[0], k), b = ONE_OF(float, place->share[1], k), c = ONE_OF(float, place->share[2], k);
     float4 color = a * f->color[0] + b * f->color[1] + c * f->color[2];
-#if MATERIALS
+#if PAINTED
     if (f->opaque) color.w = 1.0f;  // interpolation of three ones may miss 1 by some roundings
 #endif
     return color;
@@ -188,10 +242,21 @@ INLINE float4 scene_color(const Face *f, const OnFace *place, int k)
 #endif
 }
 
-// The headlight on the face there: how much it dims colours. view: the direction that the camera looks in, of length 1.
-INLINE Reals light_on(const Face *f, const OnFace *place, float3 view)
+// The light there: how much the headlight dims colours, or what lights fall on.
+#if LIGHTS
+typedef Surface Light;
+#else
+typedef Reals Light;
+#endif
+
+// view: the direction that the camera looks in, of length 1. x, y: the first pixel's sample, in subpixels from the centre.
+INLINE Light light_on(const Face *f, const OnFace *place, const Shading *shading, float3 view, int x, int y)
 {
-#if HEADLIGHT
+#if LIGHTS
+    Surface s;
+    surface_of(f, place, shading->lighting, x, y, &s);
+    return s;
+#elif HEADLIGHT
 #if MATERIALS
     if (f->material && f->material->flags & UNLIT) return (Reals)(1.0f);
 #endif
@@ -215,7 +280,7 @@ INLINE Reals light_on(const Face *f, const OnFace *place, float3 view)
 #endif
 #define LIT(color, light) (LIGHT_IN_ALPHA ? (float4)((color).xyz, light) : (color) * (float4)(light, light, light, 1.0f))
 
-#if MATERIALS
+#if PAINTED
 // --- fragments that wait for their material -------------------------------------------------------------------------
 // Small faces cover a few pixels of a strip. What follows takes a vector for each step. So fragments of one material wait
 // here side by side, whichever records they are of, until there are enough for whole vectors. WAITING: how many may wait.
@@ -227,6 +292,7 @@ INLINE Reals light_on(const Face *f, const OnFace *place, float3 view)
 #define WAITING (8 * SHADED)
 #define WAITING_ROOM (WAITING + SHADED)
 #endif
+#define SURFACE_NUMBERS (5 + POSITIONED)
 typedef struct {
     float u[WAITING_ROOM], v[WAITING_ROOM];  // and the rest of their spots (shading/textures.h)
 #if LEVELS
@@ -237,6 +303,9 @@ typedef struct {
 #endif
 #if HEADLIGHT
     float light[WAITING_ROOM];
+#endif
+#if LIGHTS
+    float surface[SURFACE_NUMBERS][WAITING_ROOM];  // the fields of a Surface but those of MAPS
 #endif
     float4 tint[WAITING_ROOM];  // base_color * C
     uint to[WAITING_ROOM];  // where their colours are wanted
@@ -269,12 +338,12 @@ INLINE void put_together(Reals value, uint bits, float *to)
 
 // Lets fragments wait: those of a face at these pixels. There must be room. light: on them. to: where their colours are
 // wanted.
-INLINE void let_wait(const Face *f, const OnFace *place, Reals light, uint bits, Words to, Waiting *w)
+INLINE void let_wait(const Face *f, const OnFace *place, const Light *light, uint bits, Words to, Waiting *w)
 {
     uint end = w->count;
     w->material = f->material, w->count += POPCOUNT(bits);
     put_together(AS_REALS(to), bits, (float *)w->to + end);
-    if (f->material->flags & TEXTURED) {
+    if (MATERIALS && f->material->flags & TEXTURED) {
         Spot spot;
         spot_of(f, place, &spot);
         put_together(spot.u, bits, w->u + end), put_together(spot.v, bits, w->v + end);
@@ -287,7 +356,11 @@ INLINE void let_wait(const Face *f, const OnFace *place, Reals light, uint bits,
 #endif
     }
 #if HEADLIGHT
-    put_together(light, bits, w->light + end);
+    put_together(*light, bits, w->light + end);
+#endif
+#if LIGHTS
+    if (light)
+        UNROLL for (int k = 0; k < SURFACE_NUMBERS; ++k) put_together(((const Reals *)light)[k], bits, w->surface[k] + end);
 #endif
 #if COLOR_RATE_VERTEX
     for (uint left = bits; left; left &= left - 1)
@@ -300,21 +373,58 @@ INLINE void let_wait(const Face *f, const OnFace *place, Reals light, uint bits,
 // What a fragment's alpha is, of the product of all alphas: see the top.
 INLINE Part alpha_of(uint flags, Part opacity, Part cutoff, Part alpha)
 {
+    if (flags & PLAIN) return alpha;
     if (flags & CUT) return alpha >= cutoff ? opacity : (Part)(0.0f);
     return flags & BLENDED ? alpha * opacity : opacity;
 }
 
+#if LIGHTS
+// The colours of SHADED fragments under lights, sRGB. color: as materials are, linear, but sRGB if they are PLAIN.
+INLINE void light_colors(const Shading *shading, global const Material *m, const Surface *s, bool mapped, float4 colors[SHADED])
+{
+    Reals channel[4], highlight[3];
+    to_channels(colors, channel);
+    if (m->flags & PLAIN)
+        UNROLL for (int c = 0; c < 3; ++c) channel[c] = to_linear(channel[c]);
+    light_up(shading->lighting, m, s, mapped, shading->textures, channel, highlight);
+#if FULL_HIGHLIGHTS
+    // A highlight covers what it lies on: what is transparent comes through less. T: with it. D: without it.
+    //   cover = max (T - D) / (1 - D),   alpha' = 1 - (1 - alpha) (1 - cover),   C alpha' = T - (1 - alpha) (1 - cover) D
+    const Reals zero = (Reals)(0.0f), one = (Reals)(1.0f);
+    Reals with[3], cover = zero;
+    UNROLL for (int c = 0; c < 3; ++c) {
+        with[c] = to_srgb(shading->textures, channel[c] + highlight[c]), channel[c] = to_srgb(shading->textures, channel[c]);
+        Reals left = 1.0f - channel[c], share = left > zero ? (with[c] - channel[c]) / left : zero;
+        cover = MAX(cover, share);
+    }
+    cover = least_of(cover, one);
+    Reals through = (1.0f - channel[3]) * (1.0f - cover), alpha = 1.0f - through;
+    alpha = through > zero ? alpha : one;
+    UNROLL for (int c = 0; c < 3; ++c) {
+        Reals covered = with[c] - through * channel[c];
+        covered = alpha > zero ? covered / alpha : channel[c];
+        channel[c] = least_of(MAX(covered, zero), one);
+    }
+    channel[3] = alpha;
+#else
+    UNROLL for (int c = 0; c < 3; ++c) channel[c] = to_srgb(shading->textures, channel[c] + highlight[c]);
+#endif
+    of_channels(channel, colors);
+}
+#endif
+
 // The colours of SHADED or fewer fragments that wait, from number `first` on. shown: as they are shown; else their red,
-// green and blue mean nothing, but their alphas are the same.
-OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *textures, float4 colors[SHADED])
+// green and blue mean nothing, but their alphas are the same. mapped: what lights fall on, where textures say it; or NULL.
+OUTLINE void paint(const Waiting *w, uint first, bool shown, const Shading *shading, const Light *mapped, float4 colors[SHADED])
 {
     global const Material *m = w->material;
+    global const uint *textures = shading->textures;
     int count = (int)MIN(w->count - first, (uint)SHADED);
     // What is loaded in the loop is loaded again after each store, as a compiler must expect it to be changed.
     const uint flags = m->flags;
     const Part opacity = (Part)(m->opacity), cutoff = (Part)(m->alpha_cutoff);
     Part texel[PARTS];
-    if (flags & TEXTURED) {
+    if (MATERIALS && flags & TEXTURED) {
         Spot spot;
         spot.u = *(const AnyReals *)(w->u + first), spot.v = *(const AnyReals *)(w->v + first);
 #if LEVELS
@@ -324,16 +434,17 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *
         spot.along_u = *(const AnyReals *)(w->along_u + first), spot.along_v = *(const AnyReals *)(w->along_v + first);
         spot.probes = *(const AnyReals *)(w->probes + first);
 #endif
-        sample_texture(textures, m, &spot, count, texel);
+        sample_texture(textures, &m->base, &spot, count, texel);
     }
 #if HEADLIGHT
     Reals lights = *(const AnyReals *)(w->light + first);
 #endif
+    const bool lit = LIGHTS && shown && !(flags & UNLIT);
     for (int k = 0; k < count; k += PART_COLORS) {
         Part color = *(const AnyPart *)(w->tint + first + k);
-        if (flags & TEXTURED) color *= texel[k / PART_COLORS];
+        if (MATERIALS && flags & TEXTURED) color *= texel[k / PART_COLORS];
         Part alpha = alpha_of(flags, opacity, cutoff, color);
-        if (shown) color = part_to_srgb(textures, color);
+        if (shown && !lit && !(flags & PLAIN)) color = part_to_srgb(textures, color);
 #if HEADLIGHT
         Part light = for_channels(lights, k);
         if (LIGHT_IN_ALPHA) alpha = light;
@@ -341,15 +452,22 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, global const uint *
 #endif
         *(AnyPart *)(colors + k) = ALPHAS ? alpha : color;
     }
+#if LIGHTS
+    if (!lit) return;
+    Surface surface;
+    if (!mapped)
+        UNROLL for (int k = 0; k < SURFACE_NUMBERS; ++k) ((Reals *)&surface)[k] = *(const AnyReals *)(w->surface[k] + first);
+    light_colors(shading, m, mapped ? mapped : &surface, mapped != 0, colors);
+#endif
 }
 
 // Stores the colours of all fragments that wait, where they are wanted.
-OUTLINE void paint_all(Waiting *w, global const uint *textures, global float4 *colors)
+OUTLINE void paint_all(Waiting *w, const Shading *shading, global float4 *colors)
 {
     uint count = w->count;
     for (uint first = 0; first < count; first += SHADED) {
         float4 painted[SHADED];
-        paint(w, first, true, textures, painted);
+        paint(w, first, true, shading, 0, painted);
         uint some = MIN(count - first, (uint)SHADED);
         for (uint k = 0; k < some; ++k) colors[w->to[first + k]] = painted[k];
     }
@@ -357,6 +475,7 @@ OUTLINE void paint_all(Waiting *w, global const uint *textures, global float4 *c
 }
 #endif
 
+#if !LIGHTS
 // The colour of a face without a material at pixel k. light: on these pixels.
 INLINE float4 plain_color(const Face *f, const OnFace *place, const Reals *light, int k)
 {
@@ -364,19 +483,21 @@ INLINE float4 plain_color(const Face *f, const OnFace *place, const Reals *light
     if (HEADLIGHT) color = LIT(color, ONE_OF(float, *light, k));
     return color;
 }
+#endif
 
 // --- colours, at once -----------------------------------------------------------------------------------------------
 // Colours of a face at SHADED pixels, of which those in `bits` are wanted. Returns which of these are there: where
-// texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side.
-INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, float3 view, uint bits, float4 colors[SHADED])
+// texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side. x, y: see light_on.
+INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, float3 view, int x, int y, uint bits,
+                  float4 colors[SHADED])
 {
-    Reals light = light_on(f, place, view);
-#if MATERIALS
+    Light light = light_on(f, place, shading, view, x, y);
+#if PAINTED
     if (f->material) {
         Waiting waiting;
         waiting.count = 0;
-        let_wait(f, place, light, bits, (Words)(0), &waiting);
-        paint(&waiting, 0, true, shading->textures, colors);
+        let_wait(f, place, &light, bits, (Words)(0), &waiting);
+        paint(&waiting, 0, true, shading, 0, colors);
         if (!LIGHT_IN_ALPHA && f->material->flags & ROUTED_BY_TEXELS) {  // translucency routes before
             const float4 *from = colors;
             for (uint left = bits; left; left &= left - 1, ++from)
@@ -386,10 +507,12 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
         return bits;
     }
 #endif
+#if !LIGHTS
 #if SHADED == 1
     *colors = plain_color(f, place, &light, 0);  // a loop would keep it in memory: a compiler cannot know that it ends at once
 #else
     for (uint left = bits; left; left &= left - 1) *colors++ = plain_color(f, place, &light, LOWEST_SHADED(left));
+#endif
 #endif
     return bits;
 }
@@ -403,7 +526,7 @@ OUTLINE VECTOR(int) routed(global const Triangle *t, uint record, const VECTOR(f
     uint all = BITS_OF(covered), kept = 0;
     bool whole = HIDING && solid && !(t->flags & OPAQUE);
     int number = shading->material_of[t->source];
-    uint flags = number < 0 ? 0 : shading->materials[number].flags;
+    uint flags = number < 0 ? 0 : MATERIAL_AT(shading, number)->flags;
     if (!(flags & ROUTED_BY_TEXELS)) return whole ? (VECTOR(int))(0) : covered;
     if (whole && !(flags & HIDES)) return (VECTOR(int))(0);
     Face face;
@@ -417,9 +540,14 @@ OUTLINE VECTOR(int) routed(global const Triangle *t, uint record, const VECTOR(f
         place_on_face(at_samples, &face, &place);
         Waiting waiting;
         waiting.count = 0;
-        let_wait(&face, &place, (Reals)(1.0f), bits, (Words)(0), &waiting);
+#if LIGHTS
+        const Light *none = 0;
+#else
+        Light whole_light = (Reals)(1.0f), *none = &whole_light;
+#endif
+        let_wait(&face, &place, none, bits, (Words)(0), &waiting);
         float4 colors[SHADED];
-        paint(&waiting, 0, false, shading->textures, colors);
+        paint(&waiting, 0, false, shading, 0, colors);
         for (const float4 *color = colors; bits; bits &= bits - 1, ++color)
             if (whole ? color->w == 1.0f : color->w > 0.0f) kept |= (bits & (0u - bits)) << first;
     }

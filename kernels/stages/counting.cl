@@ -20,11 +20,12 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
                          Screen screen, volatile global uint *next_tile, uint to_tile, global const uint *faces,
                          global const void *palette, global const float *weights, global const float *normals,
                          global const float *uv, global const int *material_of, global const Material *materials,
-                         global const uint *textures, global const uint *chosen,
+                         global const uint *textures,
+                        global const Lighting *lighting, global const uint *chosen,
                          global uint *layers, global uint *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
     local uint taken, totals[COUNT_TOTALS];
     for (;;) {
         if (LANE == 0) {

@@ -19,11 +19,12 @@
 kernel void draw_behind(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs,
                         Screen screen, global const uint *faces, global const void *palette, global const float *weights,
                         global const float *normals, global const float *uv, global const int *material_of,
-                        global const Material *materials, global const uint *textures, global ulong *z_far,
+                        global const Material *materials, global const uint *textures,
+                        global const Lighting *lighting, global ulong *z_far,
                         global Colors *behind, global uint *tile_samples)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
     local uint samples;
     uint tile = get_group_id(0);
     if (LANE == 0) samples = 0;
@@ -50,11 +51,12 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
                         global const uint *pixel_end, global const uint *tile_start, uint run_start,
                         global const uint *faces, global const void *palette, global const float *weights,
                         global const float *normals, global const float *uv, global const int *material_of,
-                        global const Material *materials, global const uint *textures, global ulong *fragments,
+                        global const Material *materials, global const uint *textures,
+                        global const Lighting *lighting, global ulong *fragments,
                         global uint *pixels, global float4 *colors)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
     uint tile = first_tile + get_group_id(0);
     ENTER_TILE
     if (MIXED) list_begin = transparent_from(triangles, pairs, list_begin, list_end);
@@ -80,9 +82,12 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
         face_of(t, batch->pairs[place], shading, &face);
         OnFace on_face;
         place_on_face(at_samples, &face, &on_face);
+        int sample_x = x + (block % BLOCKS_A_ROW * BLOCK - first_x + first % BLOCK) * SUBPIXELS;
+        int sample_y = y + (block / BLOCKS_A_ROW * BLOCK - first_y + first / BLOCK) * SUBPIXELS;
         float4 colors_there[SHADED];
         uint shaded = 0;
-        for (some = shade(&face, &on_face, shading, VIEW(batch), some, colors_there); some; some &= some - 1, ++next) {
+        some = shade(&face, &on_face, shading, VIEW(batch), sample_x, sample_y, some, colors_there);
+        for (; some; some &= some - 1, ++next) {
             int k = LOWEST_SHADED(some);
             fragments[next] = (ulong)ELEMENT(uint, key, first + k) << 32 | PAYLOAD(next, t);
             pixels[next] = run_pixel + first + k;

@@ -335,7 +335,7 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
             OnFace on_face;
             place_on_face(weight, &face, &on_face);
             float4 colors_there[SHADED];
-            left &= ~same, same = shade(&face, &on_face, shading, VIEW(batch), same, colors_there);
+            left &= ~same, same = shade(&face, &on_face, shading, VIEW(batch), x, y, same, colors_there);
             for (const float4 *next = colors_there; same; same &= same - 1, ++next) {
                 int own = first + LOWEST_SHADED(same);
                 float4 color = *next;
@@ -374,7 +374,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     uint prepared = ~0u;  // the place of the record whose face it is
     uint asked_for = list_begin;  // the end of those whose faces are on their way
 #endif
-#if MATERIALS && LANES == 1
+#if PAINTED && LANES == 1
     Waiting waiting;
     waiting.count = 0, waiting.material = 0;
 #endif
@@ -401,25 +401,28 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         OnFace on_face;
         place_on_face(at_samples, &face, &on_face);
-#if MATERIALS && LANES == 1
+        int sample_x = x + (block % BLOCKS_A_ROW * BLOCK - first_x + first % BLOCK) * SUBPIXELS;
+        int sample_y = y + (block / BLOCKS_A_ROW * BLOCK - first_y + first / BLOCK) * SUBPIXELS;
+#if PAINTED && LANES == 1
         if (face.material && !(face.material->flags & ROUTED_BY_TEXELS)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
-                paint_all(&waiting, shading->textures, colors);
+                paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];
-            let_wait(&face, &on_face, light_on(&face, &on_face, VIEW(batch)), bits & fits >> first, to, &waiting);
+            Light light = light_on(&face, &on_face, shading, VIEW(batch), sample_x, sample_y);
+            let_wait(&face, &on_face, &light, bits & fits >> first, to, &waiting);
             continue;
         }
 #endif
-#if MATERIALS
+#if PAINTED
         float4 colors_there[SHADED];
-        uint seen = shade(&face, &on_face, shading, VIEW(batch), bits, colors_there);
+        uint seen = shade(&face, &on_face, shading, VIEW(batch), sample_x, sample_y, bits, colors_there);
         there &= ~((bits & ~seen) << first);
         for (const float4 *color = colors_there; seen; seen &= seen - 1, ++color) {
             uint k = first + LOWEST_SHADED(seen);
             if (fits >> k & 1) colors[ELEMENT(uint, own, k)] = *color;
         }
 #else
-        Reals light = light_on(&face, &on_face, VIEW(batch));
+        Light light = light_on(&face, &on_face, shading, VIEW(batch), sample_x, sample_y);
         for (bits &= fits >> first; bits; bits &= bits - 1) {
             int k = LOWEST_SHADED(bits);
             colors[ELEMENT(uint, own, first + k)] = plain_color(&face, &on_face, &light, k);
@@ -440,8 +443,8 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     scatter(fragments + strip_start, to, covered & (to < (VECTOR(uint))(layout->room)), value);
 #endif
     END_VISITS
-#if MATERIALS && LANES == 1
-    paint_all(&waiting, shading->textures, colors);
+#if PAINTED && LANES == 1
+    paint_all(&waiting, shading, colors);
 #endif
 }
 

@@ -13,11 +13,12 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
                             Screen screen, global const uint *faces, global const void *palette,
                             global const float *weights, global const float *normals, global const float *uv,
                             global const int *material_of, global const Material *materials,
-                            global const uint *textures, global const ulong *z_far, global uint *pixel_end,
+                            global const uint *textures,
+                        global const Lighting *lighting, global const ulong *z_far, global uint *pixel_end,
                             global uint2 *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
     ENTER_TILE
@@ -56,11 +57,12 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
                            uint window_start, uint capacity, global const uint *faces, global const void *palette,
                            global const float *weights, global const float *normals, global const float *uv,
                            global const int *material_of, global const Material *materials,
-                           global const uint *textures, global ulong *fragments,
+                           global const uint *textures,
+                        global const Lighting *lighting, global ulong *fragments,
                            global float4 *colors, global uint *sources)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
     uint tile = window_tile + get_group_id(0);
     const Layout lists = {1, capacity, 0};
     VECTOR(uint) next[STRIPS_A_LANE];
