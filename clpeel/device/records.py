@@ -179,7 +179,11 @@ STRUCTS = {
 _NUMBERS = ("AMBIENT", "DIELECTRIC", "LEAST_FACING")
 """Constants of the layout that are no whole numbers, as kernels know them."""
 
-_C_TYPES: dict[np.dtype[Any], str] = {np.dtype(np.int32): "int", np.dtype(np.uint32): "uint", np.dtype(np.float32): "float"}
+_C_TYPES: dict[np.dtype[Any], str] = {
+    np.dtype(np.int32): "int",
+    np.dtype(np.uint32): "uint",
+    np.dtype(np.float32): "float",
+}
 _C_TYPES |= {dtype: name for name, dtype in STRUCTS.items()}
 
 

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 
 from clpeel.device.layout import AMBIENT, Features
 from clpeel.options import Options
+from clpeel.rendering.known_lights import KNOWN_LIGHTS, covering, under_lights
 from clpeel.scene.camera import Camera
+from clpeel.scene.lights import KIT, PointLight
 from clpeel.scene.materials import Material
 from clpeel.scene.scene import Scene
 from clpeel.scene.textures import Minify, Texture, linear, srgb
+from clpeel.stages.shading import MATT
 from clpeel.techniques import TECHNIQUES, AnyTechnique
 from clpeel.techniques.translucency import LIGHT_COLOR, OPTICAL_DIAGONAL, REFLECTANCE
 
@@ -135,6 +138,8 @@ class Wanted:
         faces = np.arange(len(corners)).reshape(-1, 3)
         given = self.given()
         materials = self.materials() if self.features.materials else {}
+        if self.features.positioned:
+            materials["lights"] = KNOWN_LIGHTS
         if self.features.color_rate == "scene":
             return Scene.from_arrays(corners, faces, color=given[0, 0], **materials)
         if self.features.color_rate == "face":
@@ -240,9 +245,19 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack
     color = np.repeat(values[None, :, 0], len(weights), axis=0)  # exact, where a face has one colour
     if wanted.features.color_rate == "vertex":
         color = np.einsum("pfc,fcd->pfd", weights, values)
+    color[..., :3] = np.where(present[..., None], color[..., :3], 0.0)
     if wanted.features.materials:
         texels = linear(np.array(TEXELS[: len(wanted.faces)]) / 255)
-        color[..., :3] = srgb(np.where(present[..., None], color[..., :3], 0.0) * texels)
+        color[..., :3] = srgb(color[..., :3] * texels)
+    if wanted.features.lights:
+        ray = np.stack([x, y], axis=-1)[:, None] / (HEIGHT / 2)
+        place = np.where(present, distance, 1.0)[..., None] * ((0, 0, -1) if not wanted.perspective else (1, 1, 1))
+        place = (
+            place * np.append(ray, -np.ones_like(ray[..., :1]), axis=-1)
+            if wanted.perspective
+            else place + np.pad(ray, ((0, 0), (0, 0), (0, 1)))
+        )
+        color = _under_lights(wanted, color, place)
     opaque = present & bool(opaque_first) & (values[..., 3] == 1).all(axis=1)
     light = np.broadcast_to(_light(wanted), present.shape)
     color[..., :3] *= light[..., None]
@@ -265,6 +280,26 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack
         opaque & here,
         order,
     )
+
+
+def _under_lights(wanted: Wanted, color: Floats, place: Floats) -> Floats:
+    """The colours of faces [samples, faces, 4] under lights. place: in the camera's space, [samples, faces, 3]."""
+    corners = wanted.scene().vertices.reshape(-1, 3, 3)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where((normals * place).sum(axis=-1, keepdims=True) > 0, -normals, normals)
+    eye = np.array([wanted.offset, wanted.offset, 0.0])
+    lights = KIT
+    if wanted.features.positioned:
+        lights = tuple(
+            replace(light, position=tuple(np.array(light.position) - eye)) if isinstance(light, PointLight) else light
+            for light in KNOWN_LIGHTS
+        )
+    base, highlight = under_lights(linear(color[..., :3]), normals, place, lights, MATT, wanted.perspective)
+    shown = np.minimum(srgb(base + highlight), 1.0)
+    if not wanted.features.full_highlights:
+        return np.append(shown, color[..., 3:], axis=-1)
+    return np.concatenate(covering(shown, np.minimum(srgb(base), 1.0), color[..., 3:]), axis=-1)
 
 
 def _light(wanted: Wanted) -> Floats:

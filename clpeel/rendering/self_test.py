@@ -70,14 +70,19 @@ MOST_PASSES = len(FACES) + 1
 NO_MATTER = ("scale_bar", "thickness_range", "sigma", "light_color")
 """Options of techniques that kernels do not see, or only as a number."""
 
-NOT_IN_TESTS = ("size", "background", "memory", "keep_color", "backface_type")
+NOT_IN_TESTS = ("size", "background", "memory", "keep_color", "backface_type", "light_intensity", "lighting")
 """Options of all pictures that the test's picture has values of its own for."""
 
-IN_FEATURES = ("lighting", "opaque", "depth_format", "layers", "anisotropy")
+IN_FEATURES = ("lighting", "highlights", "opaque", "depth_format", "layers", "anisotropy")
 """Options of all pictures that change nothing but what kernels are compiled for (Features), or which are launched."""
 
 ROUNDING = 2.0**-24
 """How far a number up to 1 is off after one float32 operation."""
+
+LIGHTS_ROUNDINGS = 300
+"""Of a colour under lights: about 70 for the light, in sums of which no part is negative; as many for the quotients and
+roots that these are multiplied with; 2^-19 for sRGB made linear; and the slope of sRGB, up to 2 for what is known here.
+"""
 
 COLOR_ROUNDINGS = 20
 """Of a colour that is interpolated: 6 for each product of weights and their sums, 8 for the quotient, 6 for the sum."""
@@ -217,7 +222,11 @@ def _test_of(request: Request, triangles: Triangles, gpu: Workspace) -> _Test:
     shared = {name: value for name, value in request.picture.given() if name not in NOT_IN_TESTS}
     over = request.picture.over
     kind = "none" if over is None else "colour" if len(over) == 3 else "gradient"
-    given = {**own, **shared, "background": BACKGROUNDS[kind]}
+    features = triangles.features
+    lighting = (
+        "headlight" if features.headlight else "scene" if features.positioned else "kit" if features.lights else "none"
+    )
+    given = {**own, **shared, "background": BACKGROUNDS[kind], "lighting": lighting}
     way = {} if kind == "colour" else {"background": kind}
     return _Test(
         parts=_parts(request, wanted, gpu, {**own, **shared, **way}),
@@ -254,6 +263,7 @@ def _parts(request: Request, wanted: Wanted, gpu: Workspace, ways: dict[str, obj
     words += [
         features.surfaces,
         *(["lit"] if features.headlight else []),
+        *_of_lights(features),
         *_of_materials(features),
         features.depth_format,
     ]
@@ -274,6 +284,17 @@ def _parts(request: Request, wanted: Wanted, gpu: Workspace, ways: dict[str, obj
         *([_part("layers", words, "stages/find_layers.cl", "stages/windows.cl")] if request.picture.layers else []),
     ]
     return frozenset(parts)
+
+
+def _of_lights(features: Features) -> list[str]:
+    """What kernels do with lights, in words."""
+    words = {
+        "lights": features.lights,
+        "lights with places": features.positioned,
+        "maps": features.maps,
+        "full highlights": features.full_highlights,
+    }
+    return [word for word, wanted in words.items() if wanted]
 
 
 def _of_materials(features: Features) -> list[str]:
@@ -437,6 +458,7 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     if features.fragment_color:
         own = (COLOR_ROUNDINGS + (LIGHT_ROUNDINGS if features.headlight else 0)) * ROUNDING
         own += MATERIAL_ROUNDINGS * ROUNDING if features.materials else 0.0
+        own += LIGHTS_ROUNDINGS * ROUNDING if features.lights else 0.0
     blends = np.array([blending_bound(count + 1, precision) for count in range(LAYERS + 1)])[layers]
     bound = (3 * own * layers + blends) * np.where(test.request.technique.sorts, 1, np.maximum(layers, 1))
     if test.request.technique.name == "translucency":
@@ -478,6 +500,7 @@ def _compare_layers(found: _Comparison, result: Result, stack: Stack, test: _Tes
             return taken.reshape(height, width, *values.shape[2:])
 
         roundings = COLOR_ROUNDINGS + LIGHT_ROUNDINGS + (MATERIAL_ROUNDINGS if test.wanted.features.materials else 0)
+        roundings += LIGHTS_ROUNDINGS if test.wanted.features.lights else 0
         found.expect("layer's face", np.where(some, face, 0), np.where(some, at(stack.face), 0).astype(np.float64), 0.0)
         found.expect("layer's colour", color, at(stack.color) * some[..., None], roundings * ROUNDING)
         bound = length_bound(test)

@@ -142,8 +142,8 @@ KIT: tuple[Lamp, ...] = (
     AmbientLight(sky=(0.36, 0.37, 0.38), ground=(0.14, 0.135, 0.13)),
     _from_camera(45, -25, 0.62, True),
     _from_camera(-20, 40, 0.12, False),
-    _from_camera(15, 125, 0.22, True),
-    _from_camera(15, -125, 0.22, True),
+    _from_camera(15, 125, 0.22, False),
+    _from_camera(15, -125, 0.22, False),
 )
 """The default lights, which move with the camera: soft light from above; a key light from the upper left; a fill light
 from the lower right, which makes no highlights; and two back lights, which trace outlines.

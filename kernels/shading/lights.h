@@ -83,9 +83,10 @@ INLINE void albedo_at(global const uint *textures, Reals facing, Reals rough, Re
 // which f0 is multiplied with, and `edge`, which it is not.
 typedef struct { Reals even[3], plain[3], edge[3]; } Received;
 
-// Adds one lamp. n, v: of length 1. facing: n.v, above 0. a2: the fourth power of roughness.
+// Adds one lamp. n, v: of length 1. facing: n.v, above 0. a2: the fourth power of roughness. facing_shadow: the root of V that
+// all lamps have in common.
 INLINE void add_lamp(global const Lamp *lamp, const Surface *s, const Reals n[3], const Reals v[3], Reals facing, Reals a2,
-                     global const Lighting *lighting, Received *sum)
+                     Reals facing_shadow, global const Lighting *lighting, Received *sum)
 {
     const Reals zero = (Reals)(0.0f), one = (Reals)(1.0f);
     Reals l[3], power = one;
@@ -95,7 +96,7 @@ INLINE void add_lamp(global const Lamp *lamp, const Surface *s, const Reals n[3]
         l[0] = lamp->toward[0] - s->ray[0] * away, l[1] = lamp->toward[1] + s->ray[1] * away;
         l[2] = lamp->toward[2] + s->distance;
         Reals length2 = dot_of(l, l);
-        Reals inverse = length2 > zero ? 1.0f / length2 : zero;
+        Reals inverse = length2 > (Reals)(1e-30f) ? 1.0f / length2 : zero;
         // Of a lamp with a range, no light is left there (KHR_lights_punctual).
         Reals share = length2 * lamp->inverse_range2, left = 1.0f - share * share;
         left = left > zero ? left : zero;
@@ -113,13 +114,13 @@ INLINE void add_lamp(global const Lamp *lamp, const Surface *s, const Reals n[3]
     power *= met;
     UNROLL for (int c = 0; c < 3; ++c) sum->even[c] += power * lamp->color[c];
     if (!lamp->shines) return;
-    // h = l + v; its length is 2 v.h. The sine comes from a cross product, as 1 - cos^2 would lose all digits near 0.
+    // h = l + v; its length is 2 v.h. The sine comes from a cross product, as 1 - cos^2 would lose all digits near 0. Both
+    // are multiplied by the square of that length, so that there is one quotient.
     Reals h[3] = {l[0] + v[0], l[1] + v[1], l[2] + v[2]}, half2 = dot_of(h, h);
     Reals x = n[1] * h[2] - n[2] * h[1], y = n[2] * h[0] - n[0] * h[2], z = n[0] * h[1] - n[1] * h[0];
-    Reals sine2 = (x * x + y * y + z * z) / half2;
-    Reals spread = sine2 + a2 * (1.0f - sine2);
-    Reals shadow = met * square_root(facing * facing * (1.0f - a2) + a2) + facing * square_root(met * met * (1.0f - a2) + a2);
-    Reals shine = power * (a2 * 0.5f) / (spread * spread * shadow);
+    Reals sine2 = x * x + y * y + z * z, spread = sine2 + a2 * (half2 - sine2);
+    Reals shadow = met * facing_shadow + facing * square_root(met * met * (1.0f - a2) + a2);
+    Reals shine = power * (a2 * 0.5f) * half2 * half2 / (spread * spread * shadow);
     Reals rest = 1.0f - 0.5f * square_root(half2), rest2 = rest * rest, fresnel = rest2 * rest2 * rest;
     fresnel = fresnel > zero ? fresnel : zero;
     shine = half2 > zero && met > zero ? shine : zero;
@@ -146,11 +147,11 @@ OUTLINE void light_up(global const Lighting *lighting, global const Material *m,
     } else
 #endif
         albedo_of(m, facing, &any, &all);
-    Reals a = rough * rough, a2 = a * a;
+    Reals a = rough * rough, a2 = a * a, facing_shadow = square_root(facing * facing * (1.0f - a2) + a2);
     Received sum;
     UNROLL for (int c = 0; c < 3; ++c) sum.even[c] = sum.plain[c] = sum.edge[c] = zero;
     global const Lamp *lamps = (global const Lamp *)(lighting + 1);
-    for (uint k = 0; k < lighting->count; ++k) add_lamp(lamps + k, s, n, v, facing, a2, lighting, &sum);
+    for (uint k = 0; k < lighting->count; ++k) add_lamp(lamps + k, s, n, v, facing, a2, facing_shadow, lighting, &sum);
     // Light from all around is that of `sky` above and that of `ground` below, and changes evenly between them. A cosine
     // spreads it to 2/3; a highlight sees it where it mirrors, spread by roughness.
     Reals up = n[0] * lighting->zenith[0] + n[1] * lighting->zenith[1] + n[2] * lighting->zenith[2];
