@@ -126,7 +126,13 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
     text = "{} of every surface, in place of the file's; once for all files, or once for each, in order"
     add("--opacity", action="append", type=values.opacity, metavar="0..1", help=text.format("opacity"))
     add("--color", action="append", type=values.surface_color, metavar="COLOR", help=text.format("colour"))
-    add("--unlit", action="store_true", help="the colours as given (default: a light at the camera)")
+    lighting = PICTURE["lighting"]
+    text = "kit (lights that move with the camera), headlight (a light there), scene (the file's own lights) or none"
+    default = "(default: scene if the file has lights, else kit)"
+    add(lighting.flag, metavar="|".join(map(str, lighting.choices)), help=f"{text} {default}")
+    add("--unlit", action="store_true", help="the colours as given, as --lighting none")
+    add_option(group, PICTURE["light_intensity"])
+    add_option(group, PICTURE["highlights"])
 
 
 def _add_camera_options(parser: argparse.ArgumentParser) -> None:

@@ -28,6 +28,7 @@ from clpeel.errors import InputError
 from clpeel.files import checked_folder
 
 if TYPE_CHECKING:
+    from clpeel.rendering.options import Lighting
     from clpeel.rendering.result import Result
     from clpeel.scene.scene import Scene
 
@@ -123,21 +124,40 @@ def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
     return found
 
 
-def given_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the given options of `clpeel.render`, without those of the camera and the device."""
-    names = (*technique_options(), *METHOD, "samples", "memory")
+def given_options(options: argparse.Namespace, scene: Scene | None = None) -> dict[str, Any]:
+    """Return the given options of `clpeel.render`, without those of the camera and the device.
+
+    scene: None if it is not known yet.
+    """
+    names = (*technique_options(), *METHOD, "samples", "memory", "light_intensity", "highlights")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     return {
         **given,
         "size": options.resolution,
         "background": None if options.no_background else options.background_color,
-        "lighting": "none" if options.unlit else "headlight",
+        "lighting": lighting_for(options, scene),
     }
 
 
-def _given(options: argparse.Namespace, layers: bool) -> dict[str, Any]:
+def lighting_for(options: argparse.Namespace, scene: Scene | None) -> Lighting:
+    """Return the lighting that is asked for; by default the scene's own lights, if it has some, else the kit.
+
+    scene: None if it is not known yet. Raises InputError if two are asked for, or lights that the scene has not.
+    """
+    if options.unlit and options.lighting not in (None, "none"):
+        raise InputError(f"--unlit: expected no --lighting with it, got '{options.lighting}'")
+    if options.unlit:
+        return "none"
+    if options.lighting == "scene" and scene is not None and not scene.lights:
+        raise InputError("--lighting: expected lights in the file with 'scene', got none; 'kit' has lights of its own")
+    own: Lighting = "scene" if scene is not None and scene.lights else "kit"
+    chosen: Lighting = options.lighting or own
+    return chosen
+
+
+def _given(options: argparse.Namespace, layers: bool, scene: Scene | None = None) -> dict[str, Any]:
     """Return the options of `given_options`, and what the command needs of the result."""
-    return {**given_options(options), "keep_color": False, **({"layers": True} if layers else {})}
+    return {**given_options(options, scene), "keep_color": False, **({"layers": True} if layers else {})}
 
 
 def _check_request(options: argparse.Namespace, layers: bool) -> None:
@@ -172,7 +192,7 @@ def _result(options: argparse.Namespace, scene: Scene, layers: bool, progress: P
         device=options.device,
         lanes=options.lanes,
         progress=progress if progress.enabled else None,
-        **_given(options, layers),
+        **_given(options, layers, scene),
     )
 
 

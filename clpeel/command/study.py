@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from clpeel.checks import parse_memory
 from clpeel.command.inputs import load_files, make_camera
 from clpeel.command.outputs import check_apart, check_picture, check_writable, write
+from clpeel.command.render import lighting_for
 from clpeel.command.streams import check_standard_output, print_text, quiet_libraries, say, say_notes
 from clpeel.command.terminal import EXIT_INTERRUPTED, Progress
 from clpeel.errors import InputError
@@ -66,7 +67,7 @@ def run_compare(options: argparse.Namespace) -> int:
             budgets=options.budgets,
             frames=options.frames,
             background=options.background_color,
-            lighting="none" if options.unlit else "headlight",
+            lighting=lighting_for(options, scene),
             opaque=options.opaque or "first",
             memory=options.memory,
             device=options.device,
@@ -118,7 +119,7 @@ def run_complexity(options: argparse.Namespace) -> int:
             scene,
             camera,
             options.resolution,
-            "none" if options.unlit else "headlight",
+            lighting_for(options, scene),
             opaque=options.opaque,
             memory=options.memory,
             device=options.device,

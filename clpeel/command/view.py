@@ -58,7 +58,7 @@ def run_view(options: argparse.Namespace) -> int:
         lanes=options.lanes,
         source=source_of(options),
         warn=say,
-        **given,
+        **given_options(options, scene),
     )
     return 0
 

@@ -116,7 +116,8 @@ LEAST_FACING = 1e-3
 """The least cosine between a normal and the view that lights are computed for. Interpolated normals may turn away."""
 
 LEAST_ROUGHNESS = 0.045
-"""The least roughness that lights are computed for. Smoother surfaces would show lamps as points that no sample hits."""
+"""The least roughness that lights are computed for. Smoother surfaces would show lamps as points that no sample
+hits."""
 
 LEVEL_STARTS = 16
 """Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""

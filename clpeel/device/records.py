@@ -45,7 +45,7 @@ SAMPLING = np.dtype(
         ("last_level", np.int32),  # of its mip map
         ("uv", np.uint32),  # where its coordinates begin among those of all sets, in vertices
         ("used", np.uint32),  # whether there is a texture
-        ("spare", np.uint32),
+        ("tangents", np.uint32),  # of a map of normals: where tangents begin among normals, in vertices
     ]
 )
 """A texture, and how it is sampled (clpeel/scene/textures.py)."""
@@ -176,7 +176,7 @@ STRUCTS = {
 }
 """The structs by their names in OpenCL C. A field may be a struct that stands before."""
 
-_NUMBERS = ("AMBIENT", "DIELECTRIC", "LEAST_FACING")
+_NUMBERS = ("AMBIENT", "DIELECTRIC", "LEAST_FACING", "LEAST_ROUGHNESS")
 """Constants of the layout that are no whole numbers, as kernels know them."""
 
 _C_TYPES: dict[np.dtype[Any], str] = {

@@ -14,6 +14,7 @@ from clpeel.reading.companions import Companions
 from clpeel.reading.gltf_accessors import Accessors
 from clpeel.reading.gltf_animations import Moment, moved
 from clpeel.reading.gltf_document import Document, objects
+from clpeel.reading.gltf_lights import lights_of
 from clpeel.reading.gltf_materials import Look, Materials
 from clpeel.reading.gltf_pose import Poses, placed, skinned
 from clpeel.reading.gltf_primitives import Primitive
@@ -51,7 +52,8 @@ def read_gltf(data: bytes, extension: str, companions: Companions, moment: Momen
     document = Document(data, extension, companions)
     accessors = Accessors(document)
     motion = moved(document, accessors, moment)
-    poses = Poses(document, accessors, gltf_nodes.worlds(document, motion), motion)
+    worlds = gltf_nodes.worlds(document, motion)
+    poses = Poses(document, accessors, worlds, motion)
     pieces, others = _pieces(document, accessors, poses)
     materials = Materials(document, Textures(accessors))
     for piece in pieces:
@@ -71,8 +73,9 @@ def read_gltf(data: bytes, extension: str, companions: Companions, moment: Momen
         none = f"{len(meshes)} mesh(es) that no node shows" if meshes else "none"
         got = left_out or ("faces that are cut away" if pieces else none)
         raise InputError(f"expected triangles, got {got}; the mesh is empty")
+    lights = lights_of(document, worlds)
     notes = document.notes
-    return replace(joined(scenes), notes=(*notes, *missing(companions, notes)))
+    return replace(joined(scenes), lights=lights, notes=(*notes, *missing(companions, notes)))
 
 
 def _pieces(document: Document, accessors: Accessors, poses: Poses) -> tuple[list[_Piece], Counter[str]]:
@@ -123,10 +126,10 @@ def _scene(piece: _Piece, look: Look) -> Scene:
     vertices, normals, faces = placed(points, normals, primitive.faces, matrix)
     given: dict[str, Any] = {"vertex_normals": normals}
     copies = len(matrix)
-    if look.material is None:
+    given["materials"] = (look.material,)
+    if look.material.plain:
         given["color"] = look.color
     else:
-        given["materials"] = (look.material,)
         if primitive.has("COLOR_0"):
             given["vertex_colors"] = np.tile(_colors(primitive, weights), (copies, 1))
     sets = [each.at(primitive.floats(each.coordinates, weights, "VEC2")) for each in look.mappings]

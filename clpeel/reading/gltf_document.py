@@ -19,11 +19,12 @@ UNLIT = "KHR_materials_unlit"
 TRANSMISSION = "KHR_materials_transmission"
 STRENGTH = "KHR_materials_emissive_strength"
 TRANSFORM = "KHR_texture_transform"
+LIGHTS = "KHR_lights_punctual"
 INSTANCING = "EXT_mesh_gpu_instancing"
 BASISU, WEBP = "KHR_texture_basisu", "EXT_texture_webp"
 
 _MATERIALS = {GLOSS, UNLIT, TRANSMISSION, STRENGTH}
-_READ = {DRACO, *MESHOPT, *_MATERIALS, TRANSFORM, INSTANCING, BASISU, WEBP, "KHR_mesh_quantization"}
+_READ = {DRACO, *MESHOPT, *_MATERIALS, TRANSFORM, LIGHTS, INSTANCING, BASISU, WEBP, "KHR_mesh_quantization"}
 _UNSEEN = {"KHR_xmp", "KHR_xmp_json_ld"}
 """Extensions that do not show in a picture."""
 

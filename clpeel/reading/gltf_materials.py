@@ -69,13 +69,14 @@ class _Recipe:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How faces look: a material, or a plain colour [4]. mappings: of the material's textures, each once.
+    """How faces look: their material, and a colour [4] if that is plain. mappings: of the material's textures, each
+    once.
 
     Their places are the numbers by which the material names texture coordinates.
     """
 
     single_sided: bool
-    material: Material | None = None
+    material: Material
     color: Colors | None = None
     mappings: tuple[Mapping, ...] = ()
 
@@ -87,6 +88,7 @@ class Materials:
         self.document, self.textures = document, textures
         self._recipes: dict[int, _Recipe] = {}
         self._made: dict[tuple[object, bool, AlphaMode, tuple[Mapping, ...]], Material] = {}
+        self._plain: dict[Finish | None, Material] = {}
         self._looks: dict[Primitive, Look | None] = {}
         self._kinds = set[str]()
         self._losses: dict[str, list[str]] = {}
@@ -115,7 +117,8 @@ class Materials:
         finish, mappings = self._finished(primitive, None if texture is None else base)
         if not mappings and not colored and mode != "MASK" and not recipe.unlit:
             alpha = recipe.base_color[3] if mode == "BLEND" else recipe.opacity
-            return Look(recipe.single_sided, color=_shown(recipe.base_color[:3], alpha))
+            material = self._plain.setdefault(finish, Material(plain=True, finish=finish))
+            return Look(recipe.single_sided, material, _shown(recipe.base_color[:3], alpha))
         key = (primitive.material, texture is not None, mode, mappings)
         if key not in self._made:
             red, green, blue, alpha = recipe.base_color
@@ -155,7 +158,7 @@ class Materials:
     def _late(self, primitive: Primitive, name: str, key: str, holder: Json) -> tuple[Mapping, dict[str, Any]] | None:
         """Return where a texture for lights lies, and the fields of Finish that it gives. None, after a note, if none.
 
-        No light draws it yet, so damage here is no reason to refuse the file.
+        The surface is seen without it, so damage here is no reason to refuse the file.
         """
         try:
             info = fields(holder, key)
@@ -173,9 +176,9 @@ class Materials:
         """Note what the picture lacks of the materials that were used."""
         for text, names in self._losses.items():
             self.document.note(f"{text}: {listed(names)}")
-        kinds = [kind for kind in _KINDS.values() if kind in self._kinds]
+        kinds = [kind for key, kind in _KINDS.items() if kind in self._kinds and key not in _FOR_LIGHTS]
         if kinds:
-            self.document.note(f"textures left out, as only base colours are drawn: {', '.join(kinds)}")
+            self.document.note(f"textures left out: {', '.join(kinds)}")
 
     def _lose(self, text: str, name: str) -> None:
         """Keep what a material loses for a note."""
@@ -214,8 +217,6 @@ class Materials:
         red, green, blue, alpha = unit_numbers(factor, base.get(factor, [1, 1, 1, 1]), 4)
         (transmitted,) = unit_numbers("transmissionFactor", [glass.get("transmissionFactor", 0)], 1)
         finish = _finish(material, metal, gloss)
-        if any(finish.emissive) and "emissiveTexture" not in material:
-            self._lose("emissive colours left out", name)
         unlit, opacity = extension(material, UNLIT) is not None, 1.0
         if transmitted:
             self._lose(f"glass drawn as transparency ({TRANSMISSION})", name)

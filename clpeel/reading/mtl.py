@@ -6,7 +6,7 @@ import math
 import posixpath
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from clpeel.reading.companions import Companions, named
 from clpeel.reading.images import texels
 from clpeel.reading.losses import listed
 from clpeel.scene.arrays import DEFAULT_COLOR, AnyArray
-from clpeel.scene.materials import Material
+from clpeel.scene.materials import Finish, Material
 from clpeel.scene.textures import Texture, Wrap, linear, srgb
 
 Rgb = tuple[float, float, float]
@@ -61,8 +61,36 @@ def _number(text: str | None) -> float | None:
 
 def diffuse(says: Statements) -> Rgb | None:
     """Return a material's Kd, of any size, or None if it has none in numbers. One number counts for all three."""
+    return _rgb(says, "kd")
+
+
+def finish(says: Statements) -> Finish | None:
+    """Return how a material takes light, or None if it says nothing of that.
+
+    Pr and Pm are roughness and metallic. Otherwise a highlight of Phong's exponent Ns is as wide as one of roughness
+    (2 / (Ns + 2))^(1/4), and where Ks is black there is none. Ke is light of its own.
+    """
+    rough, shine = _number(says.get("pr")), _number(says.get("ns"))
+    metallic, mirrored, emissive = _number(says.get("pm")), _rgb(says, "ks"), _rgb(says, "ke")
+    if rough is None and mirrored is not None and not any(mirrored):
+        rough = 1.0
+    if rough is None and shine is not None:
+        rough = (2 / (max(shine, 0.0) + 2)) ** 0.25
+    if rough is None and metallic is None and not any(emissive or ()):
+        return None
+    red, green, blue = (float(value) for value in linear(np.clip(emissive or (0, 0, 0), 0, 1)))
+    least, most = 0.0, 1.0
+    return Finish(
+        metallic=min(max(metallic or 0.0, least), most),
+        roughness=0.5 if rough is None else min(max(rough, least), most),
+        emissive=(red, green, blue),
+    )
+
+
+def _rgb(says: Statements, keyword: str) -> Rgb | None:
+    """Return the colour of a statement, of any size, or None if it has none in numbers."""
     values = list[float]()
-    for word in says.get("kd", "").split()[:3]:
+    for word in says.get(keyword, "").split()[:3]:
         try:
             values.append(float(word))
         except ValueError:
@@ -87,9 +115,9 @@ def finished(name: str, says: Statements, texture: Texture | None) -> Material:
         rgb = (red, green, blue) if texture is None else (1.0, 1.0, 1.0)
     red, green, blue = (float(value) for value in linear(np.clip(rgb, 0, 1)))
     alpha = opacity(says)
-    material = Material(name, (red, green, blue, alpha), texture)
+    material = Material(name, (red, green, blue, alpha), texture, finish=finish(says))
     blends = alpha < 1 or material.texel_alphas[0] < 1
-    return Material(name, material.base_color, texture, "BLEND") if blends else material
+    return replace(material, alpha_mode="BLEND") if blends else material
 
 
 # --- textures ---------------------------------------------------------------------------------------------------------

@@ -8,6 +8,10 @@ from typing import Literal, TypedDict
 class Keywords(TypedDict, total=False):
     """Options by name. Which technique has which, `clpeel techniques` lists; another is an InputError."""
 
+    light_intensity: float
+    """What the light of kit and scene is multiplied with (default: 1)."""
+    highlights: Literal["dimmed", "full"]
+    """Highlights of transparent surfaces: dimmed by their alpha (default), or full, as of glass."""
     samples: Literal[1, 4, 16, 64, 256]
     """Samples a pixel, averaged for smooth edges: 1, 4, 16, 64 or 256."""
     memory: int | str | None

@@ -19,7 +19,7 @@ from clpeel.options import Options
 from clpeel.rendering.known_lights import KNOWN_LIGHTS, covering, under_lights
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, PointLight
-from clpeel.scene.materials import Material
+from clpeel.scene.materials import Finish, Material
 from clpeel.scene.scene import Scene
 from clpeel.scene.textures import Minify, Texture, linear, srgb
 from clpeel.stages.shading import MATT
@@ -171,6 +171,8 @@ class Wanted:
         ):  # the scene's one alpha is not that of what is opaque
             kinds.append(replace(kinds[of_faces[OPAQUE_FACE]], alpha_of_scene=False))
             of_faces[OPAQUE_FACE] = len(kinds) - 1
+        if features.maps:
+            kinds = [replace(kind, finish=known_finish(minify)) for kind in kinds]
         uv = np.repeat(np.stack([(np.arange(count) + 0.5) / 8, np.full(count, 0.5)], axis=-1)[:, None], 3, axis=1)
         uv[SPREAD] = ((0.0, 0.0), (40.0, 0.0), (0.0, 40.0)) if of_faces[SPREAD] == 1 else uv[SPREAD]
         return {"materials": kinds, "face_materials": of_faces, "uv": uv.reshape(-1, 2)}
@@ -282,6 +284,27 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack
     )
 
 
+KNOWN_EMISSIVE = (0.125, 0.0625, 0.25)
+"""The light of materials with maps, whose texels are all alike, and say what a surface without maps is."""
+
+
+def known_finish(minify: Minify) -> Finish:
+    """A finish with maps that leave a surface as it is, but for its emissive light."""
+
+    def alike(red: float, green: float, blue: float) -> Texture:
+        return Texture(np.full((2, 2, 4), (red, green, blue, 1.0), np.float32), minify=minify)
+
+    return Finish(
+        metallic=1.0,
+        roughness=2 * MATT.roughness,
+        emissive=(2 * KNOWN_EMISSIVE[0], 4 * KNOWN_EMISSIVE[1], KNOWN_EMISSIVE[2]),
+        metallic_roughness_texture=alike(0.0, 0.5, MATT.metallic),
+        normal_texture=alike(0.5, 0.5, 1.0),
+        occlusion_texture=alike(1.0, 0.0, 0.0),
+        emissive_texture=alike(0.5, 0.25, 1.0),
+    )
+
+
 def _under_lights(wanted: Wanted, color: Floats, place: Floats) -> Floats:
     """The colours of faces [samples, faces, 4] under lights. place: in the camera's space, [samples, faces, 3]."""
     corners = wanted.scene().vertices.reshape(-1, 3, 3)
@@ -295,7 +318,8 @@ def _under_lights(wanted: Wanted, color: Floats, place: Floats) -> Floats:
             replace(light, position=tuple(np.array(light.position) - eye)) if isinstance(light, PointLight) else light
             for light in KNOWN_LIGHTS
         )
-    base, highlight = under_lights(linear(color[..., :3]), normals, place, lights, MATT, wanted.perspective)
+    finish = replace(MATT, emissive=KNOWN_EMISSIVE) if wanted.features.maps else MATT
+    base, highlight = under_lights(linear(color[..., :3]), normals, place, lights, finish, wanted.perspective)
     shown = np.minimum(srgb(base + highlight), 1.0)
     if not wanted.features.full_highlights:
         return np.append(shown, color[..., 3:], axis=-1)

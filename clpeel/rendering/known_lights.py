@@ -56,12 +56,12 @@ def under_lights(
             seen = ground + (sky - ground) * np.clip(0.5 + 0.5 * mirrored * (1 - a / 3), 0, 1)
             highlight += seen * (f0 * any_f0 + whole - any_f0) * given_back
             continue
-        power, l = _reaching(light, at)
-        met = np.maximum((n * l).sum(axis=-1, keepdims=True), 0.0)
+        power, toward = _reaching(light, at)
+        met = np.maximum((n * toward).sum(axis=-1, keepdims=True), 0.0)
         even += power * met * tint / math.pi
         if isinstance(light, DirectionalLight) and not light.highlights:
             continue
-        h = _unit(l + v)
+        h = _unit(toward + v)
         cosine, towards = ((n * h).sum(axis=-1, keepdims=True), (v * h).sum(axis=-1, keepdims=True))
         spread = a**2 / (math.pi * (1 - cosine**2 + a**2 * cosine**2) ** 2)
         shadow = met * np.sqrt(facing**2 * (1 - a**2) + a**2) + facing * np.sqrt(met**2 * (1 - a**2) + a**2)
@@ -92,7 +92,7 @@ def albedo(facing: Floats, rough: float) -> tuple[Floats, Floats]:
     down, across = row - i, column - j
     table = albedo_tables().astype(np.float64)
     above, below = (table[:, k, j] * (1 - across) + table[:, k, j + 1] * across for k in (i, i + 1))
-    return tuple(above * (1 - down) + below * down)  # type: ignore[return-value]
+    return tuple(above * (1 - down) + below * down)
 
 
 def _reaching(light: DirectionalLight | PointLight, at: Floats) -> tuple[Floats | float, Floats]:

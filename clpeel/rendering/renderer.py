@@ -37,6 +37,7 @@ from clpeel.stages.find_layers import STAGE as LAYERS_STAGE
 from clpeel.stages.find_layers import Peeled, find_layers
 from clpeel.stages.frame import Frame
 from clpeel.stages.projection import Triangles, project
+from clpeel.stages.shading import readable
 from clpeel.stages.tiles import AtTile, Drawn
 from clpeel.stages.upload import DeviceScene, upload, with_colors
 from clpeel.techniques import ERROR_BOUND
@@ -79,6 +80,7 @@ class Renderer:
         self.scene = scene
         self.gpu: Workspace = open_device(device, lanes)
         self._uploaded: dict[str, DeviceScene] = {}
+        self._unread: list[str] = []  # notes of maps that cannot be decoded
         self._opacity: float | None = None
         self._faded: dict[str, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
         self._pictures: list[Picture] = []
@@ -142,11 +144,10 @@ class Renderer:
 
         camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
         `clpeel.techniques.TECHNIQUES`, or "auto". background: 3 numbers 0..1, text such as "white", a pair of these for
-        a gradient from top to bottom, or None for straight alpha. lighting: "none" (colours as given), "headlight", "kit"
-        or "scene" (Scene.lights).
-        progress: called with the share done (0..1) and a text. options: those of all pictures
-        (rendering.options.PictureOptions) and those of the technique (its `options`). Editors complete them from
-        rendering/keywords.py.
+        a gradient from top to bottom, or None for straight alpha. lighting: "none" (colours as given), "headlight",
+        "kit" or "scene" (Scene.lights). progress: called with the share done (0..1) and a text. options: those of all
+        pictures (rendering.options.PictureOptions) and those of the technique (its `options`). Editors complete them
+        from rendering/keywords.py.
 
         Threads may share a Renderer: they take turns. Raises InputError if an option is wrong, if memory is too small
         for one pixel's fragments, or if the scene has too many triangles. Raises DeviceError in a process that was
@@ -177,6 +178,7 @@ class Renderer:
         stats = stats_of(request, triangles, drawn, finished, clamped_pixels, picture, clock)
         stats = explained(stats, request, triangles, finished, choice)
         stats.notes.extend(tested)
+        stats.notes.extend(self._unread if request.lit is not None else [])
         layers = self._layers(scene, request, budget, stats) if request.picture.layers else None
         request.report(1.0, "done")
         rounding = blending_bound(stats.layers_max + 1, request.blending.precision)  # + 1 for an opaque layer
@@ -191,6 +193,8 @@ class Renderer:
             others = list(self._uploaded.values())
             known = next((other.scene for other in others if other.normals is not None), None)
             scene = self.scene if not normals else known or with_normals(self.scene)
+            if lights:
+                scene, self._unread = readable(scene)
             like = next((other for other in others if other.packed is not None and other.packed.lights == lights), None)
             self._uploaded[needs] = upload(self.gpu, scene, normals, like, lights)
         held = self._uploaded[needs]
@@ -303,6 +307,8 @@ def explained(stats: Stats, request: Request, triangles: Triangles, finished: Fi
     blank = why_blank(finished.image, request.picture.over, scene, request.camera, covered, triangles.discarded)
     if blank is not None:
         stats.notes.append(blank)
+    if request.lit is None and (unseen := unlit_losses(scene)):
+        stats.notes.append(f"left out, as {unseen} only shows under lights: lighting 'kit' has some")
     if choice is None:
         return stats
     auto: dict[str, object] = {
@@ -311,6 +317,16 @@ def explained(stats: Stats, request: Request, triangles: Triangles, finished: Fi
         "alternatives": [other.name for other in choice.others],
     }
     return replace(stats, auto=auto)
+
+
+def unlit_losses(scene: Scene) -> str:
+    """What the scene's materials have that is only drawn under lights, in words, or nothing."""
+    finishes = [material.finish for material in scene.materials if material.finish is not None and not material.unlit]
+    words = {
+        "emissive light": any(any(finish.emissive) for finish in finishes),
+        "what textures say of surfaces": any(finish.uv_sets for finish in finishes),
+    }
+    return " and ".join(word for word, there in words.items() if there)
 
 
 def watcher(request: Request, tiles: Tiles) -> Callable[[Batch], AtTile] | None:

@@ -78,8 +78,8 @@ class PointLight:
     """Light from a place to all sides (KHR_lights_punctual).
 
     position: in scene units. intensity: in candela, of which light / distance^2 is left at a distance, counted in scene
-    units. color: linear RGB. range: the distance that it does not reach beyond; None if there is none. Raises InputError
-    if a number is wrong.
+    units. color: linear RGB. range: the distance that it does not reach beyond; None if there is none. Raises
+    InputError if a number is wrong.
     """
 
     position: Vector

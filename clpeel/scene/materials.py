@@ -85,8 +85,8 @@ class Material:
     alpha_mode: OPAQUE ignores alpha. MASK cuts away fragments whose alpha is below alpha_cutoff. BLEND blends.
     opacity: the alpha of what is left by OPAQUE and MASK; it multiplies the alpha of BLEND. unlit: whether lights leave
     the material as it is. rgb_of_scene, alpha_of_scene: whether red, green and blue of the scene's colours count, and
-    their alpha. plain: the scene's colours are shown as they are, sRGB, and nothing but the finish counts. finish: how the
-    surface takes light; None for a matt one with a mild highlight.
+    their alpha. plain: the scene's colours are shown as they are, sRGB, and nothing but the finish counts. finish: how
+    the surface takes light; None for a matt one with a mild highlight.
 
     Raises InputError if a number or a word is none of these.
     """

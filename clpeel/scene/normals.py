@@ -37,11 +37,10 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
         raise InputError(f"crease_angle: expected 0..180 degrees, got {crease_angle}")
     crease = math.radians(min(crease_angle, 90.0))
     normals, known = _given(scene)
-    if known.all() or known[scene.faces].all():
-        return replace(scene, vertex_normals=_filled(normals))
-
     points = _scaled(scene)
     areas = _area_normals(points, scene.faces)
+    if known.all() or known[scene.faces].all():
+        return _turned(replace(scene, vertex_normals=_filled(normals)), areas)
     units = _unit(areas)
     usable = np.asarray(units.any(axis=0))
     first, place = _distinct(points)
@@ -60,6 +59,22 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
     sharp_normals = _unit(_creased(units, areas, sharp, place_of_corner.reshape(-1)[sharp], crease))
     corner_normals[at_crease] = sharp_normals.T[computed.reshape(-1)[sharp]]
     return _split(scene, normals, own, corner_normals.astype(np.float32))
+
+
+def _turned(scene: Scene, areas: Floats) -> Scene:
+    """Return the scene with its own normals turned, where they lie on the back of a face, so that lights know its
+    sides.
+
+    areas: face normals [3, m].
+    """
+    normals = scene.vertex_normals
+    assert normals is not None
+    wrong = np.empty(scene.faces.shape, bool)
+    for corner in range(3):
+        wrong[:, corner] = _dot(normals[scene.faces[:, corner]].T.astype(np.float64), areas) < 0
+    if not wrong.any():
+        return scene
+    return _split(scene, normals.copy(), wrong, -normals[scene.faces[wrong]])
 
 
 def _given(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

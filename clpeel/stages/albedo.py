@@ -1,8 +1,8 @@
 """Albedo: how much of even light one reflection of a rough surface returns (kernels/shading/lights.h).
 
-tools/albedo_table.py computes the numbers: 65535 for 1, row by row, for a roughness of 0, 1/15, .. 1. In a row the root of
-the cosine between the normal and the view is 0, 1/15, .. 1. Linear interpolation is right to 1 % where that cosine is
-0.03 or more.
+tools/albedo_table.py computes the numbers: 65535 for 1, row by row, for a roughness of 0, 1/15, .. 1. In a row the root
+of the cosine between the normal and the view is 0, 1/15, .. 1. Linear interpolation is right to 1 % where that cosine
+is 0.03 or more.
 """
 
 from __future__ import annotations

@@ -56,10 +56,10 @@ So each of the two stays within the memory that the request allows.
 class Peeled:
     """Which layers of a view are peeled.
 
-    size: (width, height) in pixels. headlight: whether there is one. lit: other lights. front, back: how many transparent layers of a
-    pixel are peeled from the front, and from the back. keep_coincident: peel all fragments of equal depth, instead of
-    only the first submitted. opaque_first: whether a pixel's layers end with the first opaque one. depth_format: one of
-    DEPTH_FORMATS (layout.py). backfaces, probes: as for `project`.
+    size: (width, height) in pixels. headlight: whether there is one. lit: other lights. front, back: how many
+    transparent layers of a pixel are peeled from the front, and from the back. keep_coincident: peel all fragments of
+    equal depth, instead of only the first submitted. opaque_first: whether a pixel's layers end with the first opaque
+    one. depth_format: one of DEPTH_FORMATS (layout.py). backfaces, probes: as for `project`.
     """
 
     camera: Camera

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import accumulate
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from clpeel.device import layout
 from clpeel.device.records import MATERIAL
+from clpeel.errors import InputError
 from clpeel.scene.arrays import AnyArray
 from clpeel.scene.materials import Finish, Material
 from clpeel.scene.scene import Scene
@@ -57,6 +58,26 @@ def shading_of(scene: Scene, lights: bool) -> Shading:
 def used_materials(scene: Scene, lights: bool) -> tuple[Material, ...]:
     """Return the materials that matter: without lights, those that are plain do not."""
     return scene.materials if lights or not all(m.plain for m in scene.materials) else ()
+
+
+def readable(scene: Scene) -> tuple[Scene, list[str]]:
+    """Return the scene without the maps whose images cannot be decoded, and a note of each.
+
+    Readers decode images of maps late, when lights first fall on them. The surface is seen without them.
+    """
+    notes, materials = list[str](), list[Material]()
+    for material in scene.materials:
+        finish = material.finish
+        for name in MAPS if finish is not None and not material.unlit else ():
+            texture = getattr(finish, f"{name}_texture")
+            try:
+                if texture is not None:
+                    _ = texture.image
+            except InputError as error:
+                finish = replace(finish, **{f"{name}_texture": None})  # type: ignore[type-var]
+                notes.append(f"{name.replace('_', '-')} texture of material {material.name!r} left out: {error}")
+        materials.append(material if finish is material.finish else replace(material, finish=finish))
+    return (replace(scene, materials=tuple(materials)), notes) if notes else (scene, notes)
 
 
 def _textures(material: Material, lights: bool) -> Iterator[tuple[Texture, bool]]:
@@ -111,6 +132,7 @@ def _put_finish(row: np.void, material: Material, packed: Packed, vertex_count: 
         if texture is not None:
             _put_sampling(row[f"{name}_map"], texture, numbers, packed)
             row[f"{name}_map"]["uv"] = getattr(finish, f"{name}_uv") * vertex_count
+            row[f"{name}_map"]["tangents"] = vertex_count
 
 
 def _flags(material: Material) -> int:
@@ -240,7 +262,8 @@ def level_sizes(texture: Texture) -> list[tuple[int, int]]:
 def mip_map(texture: Texture, numbers: bool = False) -> list[AnyArray]:
     """Return the texture's levels, [height, width, 4] each, of the image's type.
 
-    A texel is the mean of those that it covers in the level before, in linear light. numbers: the texels are no colours.
+    A texel is the mean of those that it covers in the level before, in linear light. numbers: the texels are no
+    colours.
     """
     levels = [texture.image]
     for _ in level_sizes(texture)[1:]:

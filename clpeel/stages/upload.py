@@ -12,6 +12,7 @@ from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
 from clpeel.scene.arrays import AnyArray, Colors
 from clpeel.scene.scene import Positions, Scene
+from clpeel.scene.tangents import tangents_of
 from clpeel.stages.shading import Packed, Shading, material_table, packed_textures, shading_of, used_materials
 
 MOST_ITEMS = 2**31 // 3
@@ -24,7 +25,8 @@ class DeviceScene:
 
     grid: positions are (vertex - grid.origin) * grid.scale. positions, low_positions: float32 [n, 3], high and low
     parts; low_positions is None if all low parts are 0. faces: uint32 [m, 3]. palette: straight RGBA as given, uint8 or
-    float32 [k, 4]; k is 1, n or m. normals: float32 [n, 3] or None. color_rate: "scene", "face" or "vertex".
+    float32 [k, 4]; k is 1, n or m. normals: float32 [n, 3] or None; behind
+    them tangents, [n, 3], if maps of normals need them. color_rate: "scene", "face" or "vertex".
     packed_color: whether the palette is uint8. surfaces: "opaque", "transparent" or "mixed".
     shading: what its materials need of kernels. uv: float32 [sets, n, 2]; material_of: int32 [m]; materials: MATERIAL
     [1 + j]; textures: uint32; packed: the same textures on the host. All of them are None if there are no materials,
@@ -74,6 +76,8 @@ def upload(
         arrays["low_positions"] = grid.lo
     if normals and scene.vertex_normals is not None:
         arrays["normals"] = scene.vertex_normals
+        if lights and any(m.finish is not None and m.finish.normal_texture is not None for m in scene.materials):
+            arrays["normals"] = np.stack([scene.vertex_normals, tangents_of(scene)])
     if scene.single_sided is not None:
         arrays["single_sided"] = scene.single_sided.view(np.uint8)
     packed, textures = None, None

@@ -55,8 +55,7 @@ def _flags(view: View, technique: str) -> Iterator[str]:
         yield "--no-background"
     elif over != COMMAND_BACKGROUND:
         yield f"--background-color={':'.join(map(_numbers, shades_of(over)))}"
-    if view.lighting == "none":
-        yield "--unlit"
+    yield "--unlit" if view.lighting == "none" else f"--lighting={view.lighting}"
     owners = (*all_options(), options_class(technique))  # the technique's own come last, as defaults may differ
     known = {each.name: each for owner in owners for each in options_of(owner)}
     given = {"samples": 1, **view.keywords(technique)}

@@ -17,7 +17,7 @@ from clpeel.scene.arrays import checked_opacity
 from clpeel.scene.camera import Camera
 from clpeel.techniques import AUTO, TECHNIQUES, option_names
 from clpeel.viewer import motion
-from clpeel.viewer.view import View
+from clpeel.viewer.view import LIGHTINGS, View
 
 TECHNIQUE_KEYS = {
     "1": "dual-depth-peeling",
@@ -48,7 +48,7 @@ KEYS: tuple[tuple[str, str], ...] = (
     ("Space", "turn the scene, or stop"),
     ("R", "the first view"),
     ("B", "background"),
-    ("L", "light on or off"),
+    ("L", "next light"),
     ("S", "save the full picture as PNG"),
     ("C", "the command line that makes this picture"),
     ("P", "show or hide the panel"),
@@ -231,8 +231,9 @@ class Controls:
     def _next_shown(self) -> None:
         self.set("shows", SHOWN[(SHOWN.index(self.view.shows) + 1) % len(SHOWN)])
 
-    def _toggle_light(self) -> None:
-        self.set("lighting", "none" if self.view.lighting == "headlight" else "headlight")
+    def _next_light(self) -> None:
+        row = (self.home.lighting, *(each for each in LIGHTINGS if each != self.home.lighting))
+        self.set("lighting", row[(row.index(self.view.lighting) + 1) % len(row)])
 
     def _toggle_parallel(self) -> None:
         self.set("orthographic", not self.view.camera.orthographic)
@@ -266,7 +267,7 @@ def _set_background(view: View, value: object) -> View:
 
 
 def _set_lighting(view: View, value: object) -> View:
-    one_of("lighting", value, ("none", "headlight"))
+    one_of("lighting", value, (*LIGHTINGS, "scene"))
     return replace(view, lighting=value)  # type: ignore[arg-type]
 
 
@@ -330,7 +331,7 @@ _KEYS: dict[str, Callable[[Controls], None]] = {
     " ": Controls._toggle_turning,
     "r": Controls._reset,
     "b": Controls._next_background,
-    "l": Controls._toggle_light,
+    "l": Controls._next_light,
     "s": lambda self: self.actions.save(),
     "c": lambda self: self.actions.print_command(),
     "p": lambda self: self.actions.toggle("panel"),

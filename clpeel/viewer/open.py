@@ -42,7 +42,7 @@ def view(
     size: Size = (1024, 768),
     technique: str = "sort",
     background: GivenBackground = (1.0, 1.0, 1.0),
-    lighting: Lighting = "headlight",
+    lighting: Lighting = "kit",
     *,
     backend: Backend | None = None,
     turning: bool = False,

@@ -12,7 +12,7 @@ from clpeel.rendering.result import left_out
 from clpeel.techniques import AUTO, TECHNIQUES, option_names, options_class
 from clpeel.viewer.controls import KEYS, OPTION_NAMES, SHOWN
 from clpeel.viewer.painter import Frame
-from clpeel.viewer.view import View
+from clpeel.viewer.view import LIGHTINGS, View
 
 Status = Mapping[str, Any]
 
@@ -67,7 +67,7 @@ def description() -> dict[str, Any]:
     """Return what never changes: the keys, and each setting's label, choices, and techniques that have it."""
     options = {each.name: each for owner in all_options() for each in options_of(owner)}
     choices: dict[str, tuple[object, ...]] = {name: options[name].choices for name in OPTION_NAMES}
-    choices |= {"technique": (*TECHNIQUES, AUTO), "shows": SHOWN, "lighting": ("headlight", "none")}
+    choices |= {"technique": (*TECHNIQUES, AUTO), "shows": SHOWN, "lighting": LIGHTINGS}
     return {
         "keys": [list(each) for each in KEYS],
         "labels": LABELS,

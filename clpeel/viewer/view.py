@@ -13,6 +13,9 @@ from clpeel.rendering.request import checked_options
 from clpeel.scene.camera import Camera
 from clpeel.techniques import option_names
 
+LIGHTINGS: tuple[Lighting, ...] = ("kit", "headlight", "none")
+"""What light there may be on any scene. A scene may have lights of its own besides."""
+
 Shows = Literal["picture", "layers", "error"]
 """The picture, how many layers each pixel has, or how far each pixel is from the truth in float64."""
 
@@ -37,7 +40,7 @@ class View:
     technique: str = "sort"
     options: Mapping[str, object] = field(default_factory=dict)
     background: GivenBackground = (1.0, 1.0, 1.0)
-    lighting: Lighting = "headlight"
+    lighting: Lighting = "kit"
     opacity: float | None = None
     shows: Shows = "picture"
     turning: bool = False

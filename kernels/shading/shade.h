@@ -79,6 +79,10 @@ typedef struct {
     float2 uv[3];
     float3 right, down;
 #endif
+#if MAPS
+    uint3 vertex;
+    float4 share_right, share_down;  // by how much the unscaled shares grow from pixel to pixel
+#endif
 } Face;
 
 #if PAINTED
@@ -88,6 +92,17 @@ INLINE float4 tint_of(global const Material *m, float4 color)
     if (!(m->flags & RGB_OF_SCENE)) color.x = color.y = color.z = 1.0f;
     if (!(m->flags & ALPHA_OF_SCENE)) color.w = 1.0f;
     return color;
+}
+#endif
+
+#if PAINTED && LEVELS
+// By how much u, v and 1, times the unscaled shares, grow from pixel to pixel; right, down: by how much the shares do.
+INLINE void growth_of(const float2 uv[3], float4 right, float4 down, float3 *to_right, float3 *to_down)
+{
+    float3 at[3];
+    UNROLL for (int j = 0; j < 3; ++j) at[j] = (float3)(uv[j], 1.0f);
+    *to_right = right.x * at[0] + right.y * at[1] + right.z * at[2];
+    *to_down = down.x * at[0] + down.y * at[1] + down.z * at[2];
 }
 #endif
 
@@ -114,6 +129,9 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
     f->per_area = t->inverse_area;
 #endif
 #if PAINTED
+#if MAPS
+    f->vertex = vertex;
+#endif
     f->opaque = f->color[0].w == 1.0f;
     if (COLOR_RATE_VERTEX) f->opaque = f->opaque && f->color[1].w == 1.0f && f->color[2].w == 1.0f;
     int number = MATERIALS ? shading->material_of[source] : -1;
@@ -122,7 +140,7 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
     global const float *base = f->material->base_color;
     f->base = (float4)(base[0], base[1], base[2], base[3]);
     if (!COLOR_RATE_VERTEX) f->base *= tint_of(f->material, f->color[0]);
-    if (!MATERIALS || !(f->material->flags & TEXTURED)) return;
+    if (!MATERIALS || !(f->material->flags & TEXTURED || f->material->mapped)) return;
     global const float2 *uv = (global const float2 *)shading->uv;
     f->uv[0] = uv[vertex.x], f->uv[1] = uv[vertex.y], f->uv[2] = uv[vertex.z];
 #if LEVELS
@@ -132,10 +150,10 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
         float4 part = (float4)(f->weight[3 * c], f->weight[3 * c + 1], f->weight[3 * c + 2], 0.0f) * (float)SUBPIXELS;
         right -= (float)(t->y[b] - t->y[a]) * part, down += (float)(t->x[b] - t->x[a]) * part;
     }
-    float3 at[3];
-    UNROLL for (int j = 0; j < 3; ++j) at[j] = (float3)(f->uv[j], 1.0f);
-    f->right = right.x * at[0] + right.y * at[1] + right.z * at[2];
-    f->down = down.x * at[0] + down.y * at[1] + down.z * at[2];
+#if MAPS
+    f->share_right = right, f->share_down = down;
+#endif
+    growth_of(f->uv, right, down, &f->right, &f->down);
 #endif
 #endif
 }
@@ -212,17 +230,24 @@ INLINE void surface_of(const Face *f, const OnFace *place, global const Lighting
 #endif
 
 #if PAINTED
-// Where the material's texture is sampled there. The texture coordinates of vertex j, divided by w, are linear over the
+// Where a texture is sampled there, if the vertices have these coordinates. to_right, to_down: see growth_of. The texture coordinates of vertex j, divided by w, are linear over the
 // screen. So they grow from pixel to pixel as the shares do, less what the sum of shares grows by.
+INLINE void spot_on(const OnFace *place, const float2 uv[3], float3 to_right, float3 to_down, global const Sampling *texture,
+                    Spot *spot)
+{
+    spot->u = place->share[0] * uv[0].x + place->share[1] * uv[1].x + place->share[2] * uv[2].x;
+    spot->v = place->share[0] * uv[0].y + place->share[1] * uv[1].y + place->share[2] * uv[2].y;
+#if LEVELS
+    Reals u_x = (to_right.x - spot->u * to_right.z) * place->scale, v_x = (to_right.y - spot->v * to_right.z) * place->scale;
+    Reals u_y = (to_down.x - spot->u * to_down.z) * place->scale, v_y = (to_down.y - spot->v * to_down.z) * place->scale;
+    reach_of(texture, u_x, v_x, u_y, v_y, spot);
+#endif
+}
+
+// Where the material's first texture is sampled there.
 INLINE void spot_of(const Face *f, const OnFace *place, Spot *spot)
 {
-    spot->u = place->share[0] * f->uv[0].x + place->share[1] * f->uv[1].x + place->share[2] * f->uv[2].x;
-    spot->v = place->share[0] * f->uv[0].y + place->share[1] * f->uv[1].y + place->share[2] * f->uv[2].y;
-#if LEVELS
-    Reals u_x = (f->right.x - spot->u * f->right.z) * place->scale, v_x = (f->right.y - spot->v * f->right.z) * place->scale;
-    Reals u_y = (f->down.x - spot->u * f->down.z) * place->scale, v_y = (f->down.y - spot->v * f->down.z) * place->scale;
-    reach_of(&f->material->base, u_x, v_x, u_y, v_y, spot);
-#endif
+    spot_on(place, f->uv, f->right, f->down, &f->material->base, spot);
 }
 #endif
 
@@ -486,6 +511,102 @@ INLINE float4 plain_color(const Face *f, const OnFace *place, const Reals *light
 #endif
 
 // --- colours, at once -----------------------------------------------------------------------------------------------
+#if MAPS
+// --- maps: textures that say what a surface is ----------------------------------------------------------------------
+// The elements of these bits, side by side.
+INLINE Reals compact(Reals value, uint bits)
+{
+#if SHADED == 1
+    return value;
+#else
+    float room[2 * SHADED];
+    put_together(value, bits, room);
+    return *(const AnyReals *)room;
+#endif
+}
+
+// A map at the pixels of these bits, side by side, `count` of them: its four channels. uv: of the face's vertices there.
+INLINE void sample_map(const Face *f, const OnFace *place, const Shading *shading, global const Sampling *map, uint bits,
+                       int count, float2 uv[3], Reals channels[4])
+{
+    global const float2 *all = (global const float2 *)shading->uv + map->uv;
+    uv[0] = all[f->vertex.x], uv[1] = all[f->vertex.y], uv[2] = all[f->vertex.z];
+    float3 right = (float3)(0.0f), down = right;
+#if LEVELS
+    growth_of(uv, f->share_right, f->share_down, &right, &down);
+#endif
+    Spot spot;
+    spot_on(place, uv, right, down, map, &spot);
+    spot.u = compact(spot.u, bits), spot.v = compact(spot.v, bits);
+#if LEVELS
+    spot.across2 = compact(spot.across2, bits);
+#endif
+#if PROBES > 1
+    spot.along_u = compact(spot.along_u, bits), spot.along_v = compact(spot.along_v, bits);
+    spot.probes = compact(spot.probes, bits);
+#endif
+    Part texel[PARTS];
+    sample_texture(shading->textures, map, &spot, count, texel);
+    to_channels((const float4 *)texel, channels);
+}
+
+// Bends the normals by a map (glTF 2.0, section 3.9.3). Its texels are along the tangent, in which u grows; along the
+// bitangent, against which v grows; and along the normal.
+INLINE void bend_normals(const Face *f, const OnFace *place, const Shading *shading, uint bits, int count, Surface *s)
+{
+    global const Sampling *map = &f->material->normal_map;
+    float2 uv[3];
+    Reals texel[4];
+    sample_map(f, place, shading, map, bits, count, uv, texel);
+    float3 a = load3(shading->normals, map->tangents + f->vertex.x), b = load3(shading->normals, map->tangents + f->vertex.y);
+    float3 c = load3(shading->normals, map->tangents + f->vertex.z);
+    Reals share[3];
+    UNROLL for (int j = 0; j < 3; ++j) share[j] = compact(place->share[j], bits);
+    Reals world[3], t[3], n[3] = {s->normal[0], s->normal[1], s->normal[2]};
+    world[0] = share[0] * a.x + share[1] * b.x + share[2] * c.x, world[1] = share[0] * a.y + share[1] * b.y + share[2] * c.y;
+    world[2] = share[0] * a.z + share[1] * b.z + share[2] * c.z;
+    global const float *axes = shading->lighting->right;
+    UNROLL for (int j = 0; j < 3; ++j)
+        t[j] = f->side * (world[0] * axes[3 * j] + world[1] * axes[3 * j + 1] + world[2] * axes[3 * j + 2]);
+    to_unit(n);
+    Reals lean = dot_of(n, t);
+    UNROLL for (int j = 0; j < 3; ++j) t[j] -= lean * n[j];
+    to_unit(t);
+    float2 first = uv[1] - uv[0], second = uv[2] - uv[0];
+    float turn = first.x * second.y - first.y * second.x > 0.0f ? -f->side : f->side;
+    Reals along = (2.0f * texel[0] - 1.0f) * f->material->normal_scale;
+    Reals across = (2.0f * texel[1] - 1.0f) * (f->material->normal_scale * turn), out = 2.0f * texel[2] - 1.0f;
+    s->normal[0] = along * t[0] + across * (n[1] * t[2] - n[2] * t[1]) + out * n[0];
+    s->normal[1] = along * t[1] + across * (n[2] * t[0] - n[0] * t[2]) + out * n[1];
+    s->normal[2] = along * t[2] + across * (n[0] * t[1] - n[1] * t[0]) + out * n[2];
+}
+
+// What the surface is at the pixels of these bits, side by side: factors times texels.
+INLINE void map_surface(const Face *f, const OnFace *place, const Shading *shading, uint bits, int count, Surface *s)
+{
+    global const Material *m = f->material;
+    float2 uv[3];
+    Reals texel[4];
+    UNROLL for (int k = 0; k < SURFACE_NUMBERS; ++k) ((Reals *)s)[k] = compact(((const Reals *)s)[k], bits);
+    s->metallic = (Reals)(m->metallic), s->roughness = (Reals)(m->roughness), s->occlusion = (Reals)(1.0f);
+    UNROLL for (int c = 0; c < 3; ++c) s->emissive[c] = (Reals)(m->emissive[c]);
+    if (m->normal_map.used) bend_normals(f, place, shading, bits, count, s);
+    if (m->metallic_roughness_map.used) {
+        sample_map(f, place, shading, &m->metallic_roughness_map, bits, count, uv, texel);
+        Reals rough = s->roughness * texel[1];
+        s->metallic *= texel[2], s->roughness = MAX(rough, (Reals)(LEAST_ROUGHNESS));
+    }
+    if (m->occlusion_map.used) {
+        sample_map(f, place, shading, &m->occlusion_map, bits, count, uv, texel);
+        s->occlusion += m->occlusion_strength * (texel[0] - 1.0f);
+    }
+    if (m->emissive_map.used) {
+        sample_map(f, place, shading, &m->emissive_map, bits, count, uv, texel);
+        UNROLL for (int c = 0; c < 3; ++c) s->emissive[c] *= texel[c];
+    }
+}
+#endif
+
 // Colours of a face at SHADED pixels, of which those in `bits` are wanted. Returns which of these are there: where
 // texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side. x, y: see light_on.
 INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, float3 view, int x, int y, uint bits,
@@ -497,7 +618,11 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
         Waiting waiting;
         waiting.count = 0;
         let_wait(f, place, &light, bits, (Words)(0), &waiting);
-        paint(&waiting, 0, true, shading, 0, colors);
+        const Light *mapped = 0;
+#if MAPS
+        if (f->material->mapped) map_surface(f, place, shading, bits, (int)waiting.count, &light), mapped = &light;
+#endif
+        paint(&waiting, 0, true, shading, mapped, colors);
         if (!LIGHT_IN_ALPHA && f->material->flags & ROUTED_BY_TEXELS) {  // translucency routes before
             const float4 *from = colors;
             for (uint left = bits; left; left &= left - 1, ++from)

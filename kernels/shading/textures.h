@@ -59,29 +59,31 @@ INLINE void taps_of(global const Sampling *m, global const uint *starts, Reals u
 }
 
 // A texel of bytes, linear.
-INLINE float4 decoded(global const uint *textures, uint word)
+INLINE float4 decoded(global const uint *textures, bool numbers, uint word)
 {
+    if (numbers) return UNIT_OF((float4)(word & 0xFF, word >> 8 & 0xFF, word >> 16 & 0xFF, word >> 24));
     global const float *linear = (global const float *)textures;
     return (float4)(linear[word & 0xFF], linear[word >> 8 & 0xFF], linear[word >> 16 & 0xFF], UNIT_OF((float)(word >> 24)));
 }
 
 // A texel and the one to its right. Vectors usually begin at multiples of their own size.
 typedef float8 TwoTexels __attribute__((aligned(16)));
-INLINE float8 texels_at(global const uint *textures, global const uint *texels, bool floats, uint place)
+INLINE float8 texels_at(global const uint *textures, global const uint *texels, uint kind, uint place)
 {
-    if (floats) return *(global const TwoTexels *)(texels + (size_t)4 * place);
-    return (float8)(decoded(textures, texels[place]), decoded(textures, texels[place + 1]));
+    bool numbers = MAPS && kind & NUMBERS;
+    if (kind & FLOAT_TEXELS) return *(global const TwoTexels *)(texels + (size_t)4 * place);
+    return (float8)(decoded(textures, numbers, texels[place]), decoded(textures, numbers, texels[place + 1]));
 }
 
 // The means of the four texels of pixel k and of those after it. Behind the last pixel it is repeated. a + t (b - a) is a
 // where both are equal.
-INLINE Part mean_of_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, int k, int last)
+INLINE Part mean_of_taps(global const uint *textures, global const uint *texels, uint kind, const Taps *taps, int k, int last)
 {
     float8 columns[PART_COLORS];
     UNROLL for (int j = 0; j < PART_COLORS; ++j) {
         int own = MIN(k + j, last);
-        float8 upper = texels_at(textures, texels, floats, ONE_OF(uint, taps->upper, own));
-        float8 lower = texels_at(textures, texels, floats, ONE_OF(uint, taps->lower, own));
+        float8 upper = texels_at(textures, texels, kind, ONE_OF(uint, taps->upper, own));
+        float8 lower = texels_at(textures, texels, kind, ONE_OF(uint, taps->lower, own));
         columns[j] = upper + ONE_OF(float, taps->down, own) * (lower - upper);
     }
     Part left = LEFT_PART(columns), right = RIGHT_PART(columns);
@@ -89,17 +91,17 @@ INLINE Part mean_of_taps(global const uint *textures, global const uint *texels,
 }
 
 // The first `count` pixels by their taps of one level; or of two levels, `rest` of the way to the coarser one.
-INLINE void mix_taps(global const uint *textures, global const uint *texels, bool floats, const Taps *taps, int count,
+INLINE void mix_taps(global const uint *textures, global const uint *texels, uint kind, const Taps *taps, int count,
                      Part found[PARTS])
 {
-    for (int k = 0; k < count; k += PART_COLORS) *found++ = mean_of_taps(textures, texels, floats, taps, k, count - 1);
+    for (int k = 0; k < count; k += PART_COLORS) *found++ = mean_of_taps(textures, texels, kind, taps, k, count - 1);
 }
-INLINE void mix_levels(global const uint *textures, global const uint *texels, bool floats, const Taps *taps,
+INLINE void mix_levels(global const uint *textures, global const uint *texels, uint kind, const Taps *taps,
                        const Taps *coarser, Reals rest, int count, Part found[PARTS])
 {
     for (int k = 0; k < count; k += PART_COLORS) {
-        Part fine = mean_of_taps(textures, texels, floats, taps, k, count - 1);
-        Part coarse = mean_of_taps(textures, texels, floats, coarser, k, count - 1);
+        Part fine = mean_of_taps(textures, texels, kind, taps, k, count - 1);
+        Part coarse = mean_of_taps(textures, texels, kind, coarser, k, count - 1);
         *found++ = fine + for_channels(rest, k) * (coarse - fine);
     }
 }
@@ -125,7 +127,7 @@ INLINE void sample_detail(global const uint *textures, global const Sampling *m,
 {
     const Reals zero = (Reals)(0.0f);
     global const uint *starts = textures + m->texture, *texels = starts + LEVEL_STARTS;
-    bool floats = m->flags & FLOAT_TEXELS;
+    uint kind = m->flags & (MAPS ? FLOAT_TEXELS | NUMBERS : FLOAT_TEXELS);
     u = wrapped(u, m->flags, MIRROR_U, CLAMP_U), v = wrapped(v, m->flags, MIRROR_V, CLAMP_V);
     Wholes magnify = m->flags & MAGNIFY_LINEAR ? (Wholes)(-1) : (Wholes)(0);
     Wholes minify = m->flags & MINIFY_LINEAR ? (Wholes)(-1) : (Wholes)(0);
@@ -147,13 +149,13 @@ INLINE void sample_detail(global const uint *textures, global const Sampling *m,
     if (both) {
         Taps coarser;
         taps_of(m, starts, u, v, MIN(level + (Wholes)(1), (Wholes)(m->last_level)), linear, &coarser);
-        if (floats) mix_levels(textures, texels, true, &taps, &coarser, rest, count, found);
-        else mix_levels(textures, texels, false, &taps, &coarser, rest, count, found);
+        if (kind & FLOAT_TEXELS) mix_levels(textures, texels, FLOAT_TEXELS, &taps, &coarser, rest, count, found);
+        else mix_levels(textures, texels, kind, &taps, &coarser, rest, count, found);
         return;
     }
 #endif
-    if (floats) mix_taps(textures, texels, true, &taps, count, found);
-    else mix_taps(textures, texels, false, &taps, count, found);
+    if (kind & FLOAT_TEXELS) mix_taps(textures, texels, FLOAT_TEXELS, &taps, count, found);
+    else mix_taps(textures, texels, kind, &taps, count, found);
 }
 
 // --- where a texture is sampled -------------------------------------------------------------------------------------

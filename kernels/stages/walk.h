@@ -404,7 +404,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         int sample_x = x + (block % BLOCKS_A_ROW * BLOCK - first_x + first % BLOCK) * SUBPIXELS;
         int sample_y = y + (block / BLOCKS_A_ROW * BLOCK - first_y + first / BLOCK) * SUBPIXELS;
 #if PAINTED && LANES == 1
-        if (face.material && !(face.material->flags & ROUTED_BY_TEXELS)) {
+        if (face.material && !(face.material->flags & ROUTED_BY_TEXELS) && !(MAPS && face.material->mapped)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];
