@@ -9,7 +9,7 @@ import numpy as np
 
 from clpeel.device.layout import ALBEDO_SIDE
 
-_STEPS = 600
+_STEPS = 1000
 
 
 def albedo(facing: float, roughness: float, steps: int = _STEPS) -> tuple[float, float]:
@@ -17,10 +17,11 @@ def albedo(facing: float, roughness: float, steps: int = _STEPS) -> tuple[float,
 
     The integrals over all directions of light are means over half vectors that are distributed as GGX's D n.h
     (Karis 2013): with weights G v.h / (n.h n.v), times 1 - (1 - v.h)^5 for the first. steps: half vectors along each of
-    two axes.
+    two axes. The weight grows without bound where n.h vanishes, so steps are the finer the closer they are to that.
     """
     alpha2 = roughness**4
-    share, turn = (np.arange(steps) + 0.5) / steps, (np.arange(steps) + 0.5) / steps * np.pi
+    root = (np.arange(steps) + 0.5) / steps
+    share, turn = 1 - root**2, root * np.pi
     cosine = np.sqrt((1 - share) / (1 + (alpha2 - 1) * share))[:, None]
     sine = np.sqrt(np.maximum(1 - cosine**2, 0.0))
     towards = np.sqrt(1 - facing**2) * sine * np.cos(turn) + facing * cosine  # v.h
@@ -28,7 +29,7 @@ def albedo(facing: float, roughness: float, steps: int = _STEPS) -> tuple[float,
     there = (light > 0) & (towards > 0)
     light = np.where(there, light, 1.0)
     shadow = light * np.sqrt(facing**2 * (1 - alpha2) + alpha2) + facing * np.sqrt(light**2 * (1 - alpha2) + alpha2)
-    weight = np.where(there, 2 * light * towards / (cosine * shadow), 0.0)
+    weight = np.where(there, 2 * light * towards / (cosine * shadow), 0.0) * 2 * root[:, None]
     edge = (1 - np.clip(towards, 0, 1)) ** 5
     return float(((1 - edge) * weight).mean()), float(weight.mean())
 

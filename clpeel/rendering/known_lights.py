@@ -42,8 +42,9 @@ def under_lights(
     rough = max(finish.roughness, LEAST_ROUGHNESS)
     a = rough**2
     any_f0, whole = albedo(facing, rough)
-    f0 = DIELECTRIC + finish.metallic * (base - DIELECTRIC)
-    given_back = 1 + f0 * (1 / whole - 1)
+    dielectric, metal = 1 + DIELECTRIC * (1 / whole - 1), 1 + base * (1 / whole - 1)
+    given_back = dielectric + finish.metallic * (metal - dielectric)
+    f0 = (1 - finish.metallic) * DIELECTRIC * dielectric + finish.metallic * base * metal
     even, highlight = np.zeros(base.shape), np.zeros(base.shape)
     for light in lights:
         tint = np.array(light.color if not isinstance(light, AmbientLight) else (1, 1, 1)) * light.intensity
@@ -54,7 +55,7 @@ def under_lights(
             mirrored = ((2 * facing * n - v) * _unit(up)).sum(axis=-1, keepdims=True)
             even += ground + (sky - ground) * (0.5 + above / 3)
             seen = ground + (sky - ground) * np.clip(0.5 + 0.5 * mirrored * (1 - a / 3), 0, 1)
-            highlight += seen * (f0 * any_f0 + whole - any_f0) * given_back
+            highlight += seen * (f0 * any_f0 + given_back * (whole - any_f0))
             continue
         power, toward = _reaching(light, at)
         met = np.maximum((n * toward).sum(axis=-1, keepdims=True), 0.0)
@@ -65,9 +66,9 @@ def under_lights(
         cosine, towards = ((n * h).sum(axis=-1, keepdims=True), (v * h).sum(axis=-1, keepdims=True))
         spread = a**2 / (math.pi * (1 - cosine**2 + a**2 * cosine**2) ** 2)
         shadow = met * np.sqrt(facing**2 * (1 - a**2) + a**2) + facing * np.sqrt(met**2 * (1 - a**2) + a**2)
-        fresnel = f0 + (1 - f0) * np.maximum(1 - towards, 0.0) ** 5
-        highlight += fresnel * spread * 0.5 / shadow * met * power * tint * given_back
-    taken = (DIELECTRIC * any_f0 + whole - any_f0) * (1 + DIELECTRIC * (1 / whole - 1))
+        edge = np.maximum(1 - towards, 0.0) ** 5
+        highlight += (f0 * (1 - edge) + given_back * edge) * spread * 0.5 / shadow * met * power * tint
+    taken = (DIELECTRIC * any_f0 + whole - any_f0) * dielectric
     return base * (1 - finish.metallic) * (1 - taken) * even + np.array(finish.emissive), highlight
 
 

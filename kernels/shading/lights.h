@@ -1,7 +1,8 @@
 // Lights: how SHADED fragments look under lights (LIGHTS), in linear light. Surfaces are those of glTF 2.0, appendix B:
 //
 //   diffuse   base_color (1 - metallic) (1 - albedo of the dielectric's highlight)
-//   highlight Schlick's F = f0 + (1 - f0) (1 - v.h)^5, with f0 from 0.04 to base_color, by `metallic`
+//   highlight a mixture, by `metallic`, of those of a dielectric, with f0 = 0.04, and of a metal, with f0 = base_color:
+//             Schlick's F = f0 + (1 - f0) (1 - v.h)^5
 //             GGX's D = a^2 / (pi (sin^2 + a^2 cos^2)^2) of the angle between n and h; a = roughness^2
 //             Smith's V = 0.5 / (n.l sqrt((n.v)^2 (1 - a^2) + a^2) + n.v sqrt((n.l)^2 (1 - a^2) + a^2))
 //
@@ -158,14 +159,16 @@ OUTLINE void light_up(global const Lighting *lighting, global const Material *m,
     Reals mirrored = 2.0f * facing * up - (v[0] * lighting->zenith[0] + v[1] * lighting->zenith[1] + v[2] * lighting->zenith[2]);
     Reals above = 0.5f + up * 0x1.555556p-2f, beyond = 0.5f + 0.5f * mirrored * (1.0f - a * 0x1.555556p-2f);
     beyond = beyond > zero ? least_of(beyond, one) : zero;
-    const Reals f = (Reals)(DIELECTRIC), returned = 1.0f / all;
-    Reals taken = (f * any + (all - any)) * (1.0f + f * (returned - 1.0f));
+    const Reals f = (Reals)(DIELECTRIC), returned = 1.0f / all, dielectric = 1.0f + f * (returned - 1.0f);
+    Reals taken = (f * any + (all - any)) * dielectric;
     UNROLL for (int c = 0; c < 3; ++c) {
-        Reals f0 = f + metallic * (color[c] - f), given_back = 1.0f + f0 * (returned - 1.0f);
+        // A surface between both kinds is a mixture of both.
+        Reals metal = 1.0f + color[c] * (returned - 1.0f), given_back = dielectric + metallic * (metal - dielectric);
+        Reals f0 = f * dielectric + metallic * (color[c] * metal - f * dielectric);
         float span = lighting->sky[c] - lighting->ground[c];
         Reals around = (lighting->ground[c] + span * above) * occlusion, mirror = (lighting->ground[c] + span * beyond) * occlusion;
         Reals into = color[c] * (1.0f - metallic) * (1.0f - taken);
-        highlight[c] = (f0 * sum.plain[c] + sum.edge[c]) * given_back + mirror * (f0 * any + (all - any)) * given_back;
+        highlight[c] = f0 * (sum.plain[c] + mirror * any) + given_back * (sum.edge[c] + mirror * (all - any));
         color[c] = into * (sum.even[c] + around);
 #if MAPS
         if (mapped) color[c] += s->emissive[c];

