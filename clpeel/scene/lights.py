@@ -139,9 +139,9 @@ def _from_camera(elevation: float, azimuth: float, intensity: float, highlights:
 
 
 KIT: tuple[Lamp, ...] = (
-    AmbientLight(sky=(0.36, 0.37, 0.38), ground=(0.14, 0.135, 0.13)),
-    _from_camera(45, -25, 0.62, True),
-    _from_camera(-20, 40, 0.12, False),
+    AmbientLight(sky=(0.25, 0.26, 0.27), ground=(0.08, 0.075, 0.07)),
+    _from_camera(45, -25, 0.8, True),
+    _from_camera(-20, 40, 0.08, False),
     _from_camera(15, 125, 0.22, False),
     _from_camera(15, -125, 0.22, False),
 )

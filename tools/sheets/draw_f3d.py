@@ -17,15 +17,18 @@ def draw(job: dict[str, Any]) -> None:
         {
             "render.background.color": job["background"],
             "render.effect.blending.mode": "ddp",
-            "model.unlit": not job["lit"],
+            "model.unlit": not (job["lit"] or job["own"]),
         }
     )
+    if job["own"]:
+        engine.options.update({"render.effect.antialiasing.mode": "ssaa"})
     if job["opacity"] is not None:
         engine.options["model.color.opacity"] = job["opacity"]
     engine.window.size = job["side"], job["side"]
     engine.scene.add(job["model"])
-    engine.scene.remove_all_lights()
-    engine.scene.add_light(f3d.LightState(f3d.LightType.HEADLIGHT, (0.0, 0.0, 1.0), direction=(0.0, 0.0, -1.0)))
+    if not job["own"]:
+        engine.scene.remove_all_lights()
+        engine.scene.add_light(f3d.LightState(f3d.LightType.HEADLIGHT, (0.0, 0.0, 1.0), direction=(0.0, 0.0, -1.0)))
     camera = engine.window.camera
     camera.position, camera.focal_point, camera.view_up = job["position"], job["focal_point"], job["view_up"]
     camera.view_angle = job["view_angle"]

@@ -38,8 +38,11 @@ def material_file(model: str) -> Path | None:
 def draw(job: dict[str, Any]) -> None:
     """Draw the view into its file. Transparent surfaces are peeled."""
     side = job["side"]
-    plotter = pv.Plotter(off_screen=True, window_size=(side, side), lighting="none")
+    own, peels = job["own"], job["opacity"] is not None
+    plotter = pv.Plotter(off_screen=True, window_size=(side, side), lighting="light kit" if own else "none")
     plotter.disable_anti_aliasing()  # with samples, llvmpipe shows an empty picture; and all take one sample
+    if own and not peels:
+        plotter.enable_anti_aliasing("ssaa")
     plotter.set_background(job["background"])
     with pv.VtkErrorCatcher(send_to_logging=False) as errors:
         try:
@@ -52,14 +55,17 @@ def draw(job: dict[str, Any]) -> None:
         raise SystemExit(f"nothing was read{f': {why}' if why else ''}")
     for place in range(actors.GetNumberOfItems()):
         actor = actors.GetItemAsObject(place)
-        actor.GetProperty().SetLighting(job["lit"])
+        if not own:
+            actor.GetProperty().SetLighting(job["lit"])
         if job["opacity"] is not None:
             actor.GetProperty().SetOpacity(job["opacity"])
             actor.ForceOpaqueOff()
             actor.ForceTranslucentOn()
-    plotter.remove_all_lights()  # those of the file
-    plotter.add_light(pv.Light(light_type="headlight"))
-    plotter.enable_depth_peeling(number_of_peels=PEELS, occlusion_ratio=0.0)
+    if not own:
+        plotter.remove_all_lights()  # those of the file
+        plotter.add_light(pv.Light(light_type="headlight"))
+    if peels or not own:
+        plotter.enable_depth_peeling(number_of_peels=PEELS, occlusion_ratio=0.0)
     plotter.camera_position = [job["position"], job["focal_point"], job["view_up"]]
     plotter.camera.view_angle = job["view_angle"]
     plotter.reset_camera_clipping_range()

@@ -11,6 +11,7 @@ from benchmark.runs import Failed, run
 from PIL import Image
 
 import clpeel
+from clpeel.rendering.options import Lighting
 from sheets.views import BACKGROUND, SIDE, View
 
 HERE = Path(__file__).parent
@@ -41,7 +42,7 @@ def sheet(
     for note in scene.notes:
         say(f"{view.name}: clpeel: {note}")
     camera = view.camera(scene)
-    cells = [Cell(f"clpeel {clpeel.__version__}", drawn(scene, camera, view.lit))]
+    cells = [Cell(f"clpeel {clpeel.__version__}", drawn(scene, camera, view))]
     for name, script in PEERS.items():
         out = scratch / f"{view.name}-{name}.png"
         command = [peer_python, "-P", str(script), json.dumps(view.job(camera, out))]
@@ -52,9 +53,13 @@ def sheet(
     return cells
 
 
-def drawn(scene: clpeel.Scene, camera: clpeel.Camera, lit: bool) -> Image.Image:
-    """Return clpeel's picture, with one sample a pixel, as all others."""
-    result = clpeel.render(scene, camera, (SIDE, SIDE), background=BACKGROUND, lighting="headlight" if lit else "none")
+def drawn(scene: clpeel.Scene, camera: clpeel.Camera, view: View) -> Image.Image:
+    """Return clpeel's picture, with as many samples a pixel as all others."""
+    lighting: Lighting = "headlight" if view.lit else "none"
+    if view.own:
+        lighting = "scene" if scene.lights else "kit"
+    samples = 4 if view.own else 1
+    result = clpeel.render(scene, camera, (SIDE, SIDE), background=BACKGROUND, lighting=lighting, samples=samples)
     return Image.fromarray(result.image)
 
 

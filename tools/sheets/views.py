@@ -23,7 +23,8 @@ class View:
 
     name: of the sheet's file. model: its path. direction: where the camera looks. up: the scene's up. at: what it looks
     at, or None for the centre. zoom: above 1 shows less, larger. lit: whether there is a light at the camera; else
-    colours are as the file has them. opacity: of every surface, or None for the file's.
+    colours are as the file has them. own: each program uses the light and the smooth edges that it has by default, where
+    it can. opacity: of every surface, or None for the file's.
     """
 
     name: str
@@ -33,12 +34,14 @@ class View:
     at: tuple[float, float, float] | None = None
     zoom: float = 1.0
     lit: bool = False
+    own: bool = False
     opacity: float | None = None
 
     @property
     def title(self) -> str:
         """What the sheet shows, in one line."""
         light = "a light at the camera" if self.lit else "colours as they are"
+        light = "the light that each program has by default" if self.own else light
         return ", ".join([self.model.name, light, *([f"opacity {self.opacity:g}"] if self.opacity is not None else [])])
 
     def camera(self, scene: clpeel.Scene) -> clpeel.Camera:
@@ -52,7 +55,7 @@ class View:
     def job(self, camera: clpeel.Camera, out: Path) -> dict[str, Any]:
         """Return what a program without clpeel needs to know, for JSON. out: the picture that it writes."""
         seen = {name: getattr(camera, name) for name in ("position", "focal_point", "view_up", "view_angle")}
-        told = {"background": BACKGROUND, "side": SIDE, "lit": self.lit, "opacity": self.opacity}
+        told = {"background": BACKGROUND, "side": SIDE, "lit": self.lit, "own": self.own, "opacity": self.opacity}
         return {**seen, **told, "model": str(self.model.resolve()), "out": str(out)}
 
 
@@ -74,3 +77,23 @@ DEFAULTS: dict[str, tuple[str, dict[str, Any]]] = {
     "counter": ("3mf/counterXP.3MF", {"lit": True, "direction": ASLANT, "up": (0.0, 0.0, 1.0)}),
 }
 """The sheets of docs/materials.md, by name: a file in the folder of models, and how it is seen."""
+
+_LOOKS: dict[str, tuple[str, dict[str, Any]]] = {
+    "dragon": ("dragon_vrip_res3.ply.gz", {"direction": (-0.4, -0.25, -1.0)}),
+    "bunny": ("bunny.ply", {"direction": (0.3, -0.3, -1.0)}),
+    "suzanne": ("suzanne.ply", {"direction": (-0.5, -0.3, -1.0)}),
+    "sensor": ("ADIS16480.STL", {"direction": ASLANT, "up": (0.0, 0.0, 1.0)}),
+    "chair": ("chair_model.obj", {"direction": ASLANT}),
+    "fuze": ("fuze/fuze.obj", {"direction": ASLANT, "up": (0.0, 0.0, 1.0)}),
+    "truck": ("CesiumMilkTruck.glb", {"direction": ASLANT}),
+    "duck": ("Duck.glb", {"direction": ASLANT}),
+    "board": ("AlphaBlendModeTest.glb", {"direction": (-0.3, -0.2, -1.0)}),
+    "engine": ("draco-engine/2CylinderEngine.gltf", {"direction": ASLANT}),
+}
+
+LOOKS: dict[str, tuple[str, dict[str, Any]]] = {
+    f"{name}{kind}": (file, {**seen, "own": True, "opacity": opacity})
+    for name, (file, seen) in _LOOKS.items()
+    for kind, opacity in (("", None), ("-translucent", 0.4))
+}
+"""The sheets of docs/looks.md."""
