@@ -197,10 +197,6 @@ class Features:
     color_rate: str = "scene"  # or "face", or "vertex"
     packed_color: bool = True  # colours come as 4 bytes rather than 4 floats
     headlight: bool = False  # a light at the camera dims the colours as given
-    lights: bool = False  # lights fall on surfaces (kernels/shading/lights.h)
-    positioned: bool = False  # some of them have places
-    maps: bool = False  # textures say what some materials are, besides their colours
-    full_highlights: bool = False  # what highlights lie on does not dim them
     surfaces: str = "transparent"  # or "opaque", or "mixed": opaque faces are marked and drawn first
     materials: bool = False  # faces may have materials
     routed: bool = False  # the texels of some say which of their fragments are there
@@ -208,6 +204,10 @@ class Features:
     levels: bool = False  # textures have mip maps, or filters of which level of detail chooses one
     probes: int = 1  # the most samples of a texture along a pixel's longer side
     depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED]
+    lights: bool = False  # lights fall on surfaces (kernels/shading/lights.h)
+    positioned: bool = False  # some of them have places
+    maps: bool = False  # textures say what some materials are, besides their colours
+    full_highlights: bool = False  # what highlights lie on does not dim them
 
     @property
     def fragment_color(self) -> bool:

@@ -139,8 +139,8 @@ def _from_camera(elevation: float, azimuth: float, intensity: float, highlights:
 
 
 KIT: tuple[Lamp, ...] = (
-    AmbientLight(sky=(0.25, 0.26, 0.27), ground=(0.08, 0.075, 0.07)),
-    _from_camera(45, -25, 0.8, True),
+    AmbientLight(sky=(0.26, 0.27, 0.28), ground=(0.1, 0.095, 0.09)),
+    _from_camera(35, -20, 0.78, True),
     _from_camera(-20, 40, 0.08, False),
     _from_camera(15, 125, 0.22, False),
     _from_camera(15, -125, 0.22, False),

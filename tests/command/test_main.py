@@ -418,7 +418,7 @@ def test_render_is_asked_for_what_the_options_say(mesh: Path, fake: Any, tmp_pat
     assert (plain.size, plain.technique, plain.lighting, plain.background) == (
         (1024, 1024),
         "sort",
-        "headlight",
+        "kit",
         COMMAND_BACKGROUND,
     )
     assert (plain.device, plain.lanes) == (None, None)
@@ -816,7 +816,7 @@ def test_a_picture_that_is_blank_before_the_default_is_noted(tmp_path: Path, cap
 def test_all_options_of_pictures_have_a_flag() -> None:
     render = command_line.make_parser().commands["render"]
     flags = {flag for action in command_line._options(render) for flag in action.option_strings}
-    elsewhere = {"size": "--resolution", "background": "--background-color", "lighting": "--unlit"}
+    elsewhere = {"size": "--resolution", "background": "--background-color", "lighting": "--lighting"}
     not_here = {"keep_color", "layers"}  # the command writes files: one of them for colours, and `clpeel layers`
     for each in options_of(PictureOptions):
         assert each.name in not_here or elsewhere.get(each.name, each.flag) in flags, each.name

@@ -42,6 +42,7 @@ def test_sources_are_whole_and_keep_the_rules(path):
 
 
 EVERYTHING = {"materials": True, "routed": True, "hiding": True, "levels": True, "probes": 8}
+LIT = {**EVERYTHING, "lights": True, "positioned": True, "maps": True}
 
 # Lanes, packed colours or not, colours of what, opaque surfaces among others or not: each value with each of another.
 # Then materials: all that they need, and some of it.
@@ -60,6 +61,10 @@ BUILDS = [
 BUILDS = [
     *((*build, {}) for build in BUILDS),
     (1, False, "vertex", "mixed", EVERYTHING),
+    (1, True, "face", "mixed", LIT),
+    (64, True, "face", "mixed", {**LIT, "full_highlights": True}),
+    (1, True, "face", "transparent", {"lights": True}),
+    (64, False, "face", "transparent", {"lights": True, "positioned": True}),
     (64, False, "face", "mixed", EVERYTHING),
     (1, True, "scene", "transparent", {"materials": True, "routed": True}),
     (64, True, "scene", "mixed", {"materials": True, "levels": True}),
