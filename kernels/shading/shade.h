@@ -135,7 +135,7 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
     f->opaque = f->color[0].w == 1.0f;
     if (COLOR_RATE_VERTEX) f->opaque = f->opaque && f->color[1].w == 1.0f && f->color[2].w == 1.0f;
     int number = MATERIALS ? shading->material_of[source] : -1;
-    f->material = number < 0 && !LIGHTS ? 0 : MATERIAL_AT(shading, number);
+    f->material = LIGHTS || number >= 0 ? MATERIAL_AT(shading, number) : 0;
     if (!f->material) return;
     global const float *base = f->material->base_color;
     f->base = (float4)(base[0], base[1], base[2], base[3]);
