@@ -8,8 +8,8 @@ from typing import Literal, TypedDict
 class Keywords(TypedDict, total=False):
     """Options by name. Which technique has which, `clpeel techniques` lists; another is an InputError."""
 
-    samples: Literal[1, 4, 16, 64, 256]
-    """Samples a pixel, averaged for smooth edges: 1, 4, 16, 64 or 256."""
+    samples: Literal[1, 4, 8, 16, 64, 256]
+    """Samples a pixel, averaged for smooth edges: 1, 4, 8, 16, 64 or 256."""
     memory: int | str | None
     """Device memory to use, such as 512M or 2G (default: a share of the device's)."""
     keep_color: bool

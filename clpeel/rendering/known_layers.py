@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.device.layout import AMBIENT, Features
+from clpeel.device.layout import AMBIENT, REGULAR, Features
+from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.options import Options
 from clpeel.scene.camera import Camera
 from clpeel.scene.materials import Material
@@ -50,6 +51,9 @@ distances. All of these numbers are exact in float32, as positions and as distan
 
 CUT = ((-16.0, -16.0, 16.0), (-12.0, 7.75, 8.0), (0.5, 0.5, 4.0))
 """One more triangle for pictures in which triangles are clipped: the near plane cuts it."""
+
+NUDGE = (0.0625, -0.046875, 0.0)
+"""Added to all corners where samples lie in a rotated pattern, so that edges are clear of all of them."""
 
 OPAQUE_FACE = 4
 """Which of FACES is opaque where some are. It crosses another one."""
@@ -94,7 +98,8 @@ class Wanted:
     @property
     def faces(self) -> Floats:
         """x, y and distance of each corner of each triangle: float64 [faces, 3, 3]."""
-        return np.array([*FACES, CUT] if self.cut else FACES, np.float64)
+        faces = np.array([*FACES, CUT] if self.cut else FACES, np.float64)
+        return faces if self.features.pattern == REGULAR else faces + np.array(NUDGE)[:, None]
 
     @property
     def view(self) -> str:
@@ -214,11 +219,17 @@ class Stack:
         return solid
 
 
-def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack:
-    """The fragments of a picture of `size` (width, height) in samples, row by row from the top left."""
-    width, height = size
-    column, row = np.meshgrid(np.arange(width), np.arange(height))
-    x, y = column.reshape(-1) + 0.5 - width / 2, height / 2 - row.reshape(-1) - 0.5
+def _places(size: tuple[int, int], pattern: Pattern) -> tuple[Floats, Floats]:
+    """Where samples lie from the picture's centre, right and up, in rows of samples: [samples] each."""
+    right, down = np.moveaxis(np.reshape(pattern.places, (pattern.rows, pattern.columns, 2)), -1, 0)
+    x = np.tile(right, size[::-1]) + np.repeat(np.arange(size[0]), pattern.columns) - size[0] / 2
+    y = np.tile(down, size[::-1]) + np.repeat(np.arange(size[1]), pattern.rows)[:, None] - size[1] / 2
+    return x.reshape(-1) * pattern.rows, -y.reshape(-1) * pattern.rows
+
+
+def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool, pattern: Pattern = PATTERNS[1]) -> Stack:
+    """The fragments of a picture of `size` (width, height) in pixels, row by row of samples from the top left."""
+    x, y = _places(size, pattern)
     corner_x, corner_y, corner_distance = wanted.faces.swapaxes(0, 1)  # [faces, 3]
 
     def area(a: int, b: int) -> Floats:

@@ -164,7 +164,7 @@ class Renderer:
         frame = Frame(
             self.gpu,
             triangles,
-            picture.begin(request.picture.side, request.picture.over),
+            picture.begin(request.picture.pattern, request.picture.over),
             capacity_of(request.technique, triangles.features, budget),
             budget,
             watcher(request, tiles),
@@ -208,6 +208,7 @@ class Renderer:
             request.picture.depth_format,
             backfaces=request.backfaces,
             probes=request.picture.anisotropy,
+            pattern=request.picture.pattern,
         )
 
     def _picture(self, request: Request) -> Picture:

@@ -21,6 +21,7 @@ from clpeel.device.layout import (
 )
 from clpeel.device.program import Arguments, Kernel, cut, launch, program
 from clpeel.device.records import TRIANGLE, VERTEX
+from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.device.workspace import Workspace
 from clpeel.scene.camera import Camera
 from clpeel.stages.upload import DeviceScene
@@ -104,19 +105,24 @@ class Triangles:
 class View:
     """A camera as kernel arguments.
 
-    points: arguments of kernels that project points. size: arguments of kernels that use the picture's size. clipping,
-    window: as in Triangles.
+    points: arguments of kernels that project points. grid: arguments of kernels that use the picture's size and where
+    samples lie. clipping, window: as in Triangles.
     """
 
     points: Arguments
-    size: Arguments
+    grid: Arguments
     perspective: bool
     clipping: tuple[float, float]
     window: tuple[float, float]
 
 
 def view_of(
-    gpu: Workspace, scene: DeviceScene, camera: Camera, size: tuple[int, int], depth_format: DepthFormat
+    gpu: Workspace,
+    scene: DeviceScene,
+    camera: Camera,
+    size: tuple[int, int],
+    depth_format: DepthFormat,
+    pattern: Pattern,
 ) -> View:
     """Puts the camera's matrix on the device, with the depths of its near and far planes."""
     # Window depths depend on the range that the user gave. So for these formats the range is drawn in to the scene only
@@ -124,7 +130,7 @@ def view_of(
     reversed_depths = depth_format == DEPTH_FORMATS[FLOAT32_REVERSED]
     host = scene.scene
     clipping = camera.depth_range(host) if reversed_depths else camera.depth_range(host, LEAST_WINDOW_SHARE)
-    matrix, depth_near, depth_far = matrix_of(camera, scene.grid.origin, scene.grid.scale, clipping, size)
+    matrix, depth_near, depth_far = matrix_of(camera, scene.grid.origin, scene.grid.scale, clipping, size, pattern)
     points = {
         "positions": scene.positions,
         "low_positions": scene.low_positions,
@@ -132,9 +138,8 @@ def view_of(
         "depth_near": depth_near,
         "depth_far": depth_far,
     }
-    return View(
-        points, {"width": size[0], "height": size[1]}, not camera.orthographic, clipping, camera.fitted_range(host)
-    )
+    grid = {"width": size[0], "height": size[1], "pattern": pattern.word}
+    return View(points, grid, not camera.orthographic, clipping, camera.fitted_range(host))
 
 
 def project(
@@ -148,13 +153,15 @@ def project(
     *,
     backfaces: str = "default",
     probes: int = 1,
+    pattern: Pattern = PATTERNS[1],
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height), in samples.
 
     headlight: whether a light at the camera shades the colours. opaque_first: list opaque faces before the others;
     without it all faces count as transparent. depth_format: one of DEPTH_FORMATS, how fragments keep their depths.
     backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", which draws all that are
-    not single-sided. probes: the most samples of a texture along a pixel's longer side.
+    not single-sided. probes: the most samples of a texture along a pixel's longer side. pattern: where a pixel's
+    samples lie.
     """
     surfaces = scene.surfaces if opaque_first else "transparent"
     materials = scene.material_of is not None
@@ -170,8 +177,9 @@ def project(
         hiding=scene.shading.hiding and surfaces == "mixed",
         levels=scene.shading.levels,
         probes=probes if scene.shading.levels else 1,
+        pattern=pattern.word,
     )
-    view = view_of(gpu, scene, camera, size, depth_format)
+    view = view_of(gpu, scene, camera, size, depth_format, pattern)
     vertices = _project_vertices(gpu, scene, view, features)
     corners: Arguments = {"faces": scene.faces, "vertex_count": len(scene.scene.vertices), "vertices": vertices}
     sides: Arguments = {
@@ -263,7 +271,7 @@ def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Fe
         packed=scene.packed_color or scene.opaque_faces is not None,
         states=states,
         **corners,
-        **view.size,
+        **view.grid,
     )
     chunk_faces, chunks = cut(gpu, face_count)
     sifted = {"states": states, "face_count": face_count, "chunk_faces": chunk_faces}
@@ -319,7 +327,7 @@ def _set_up(
         **corners,
         perspective=view.perspective,
         **lists.arguments,
-        **view.size,
+        **view.grid,
         **outputs,
     )
     if lists.clipped_count:
@@ -336,7 +344,7 @@ def _set_up(
             **sides,
             **lists.arguments,
             **view.points,
-            **view.size,
+            **view.grid,
             **outputs,
         )
     return outputs
@@ -348,14 +356,16 @@ def matrix_of(
     scale: float,
     clipping: tuple[float, float],
     size: tuple[int, int],
+    pattern: Pattern = PATTERNS[1],
 ) -> tuple[NDArray[np.float32], float, float]:
     """The kernels' matrix for positions (v - scene_origin) * scale, and the depths of the near and far planes.
 
     The matrix is float32 [4, 2, 4]: the rows x, y, z, w of clip space (projection.cl), each as high and low parts. x
     and y are in subpixels times w, from the image's centre, y down. z / w is the reversed depth, 1 at the near plane.
-    The depths of the planes include PLANE_SLACK.
+    The depths of the planes include PLANE_SLACK. size: in samples, of which a pixel has `pattern`.
     """
     _, height = size
+    across = pattern.columns / pattern.rows  # samples in a pixel's width, for each in its height
     near, far = (value * scale for value in clipping)
     eye = (np.asarray(camera.position, np.float64) - scene_origin) * scale
     right, up, forward = camera.axes()
@@ -367,11 +377,11 @@ def matrix_of(
     if camera.orthographic:
         per_unit = SUBPIXELS * height / 2 / (half * camera.distance * scale)
         depth = row(forward, -1 / (far - near), far / (far - near))
-        matrix = [row(right, per_unit), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
+        matrix = [row(right, per_unit * across), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
         depth_far = -PLANE_SLACK
     else:
         per_unit = SUBPIXELS * height / 2 / half
-        matrix = [row(right, per_unit), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
+        matrix = [row(right, per_unit * across), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
         depth_far = near / far * (1 - PLANE_SLACK)
     exact = np.array(matrix, np.float64)
     high = exact.astype(np.float32)

@@ -34,14 +34,14 @@ INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
     for (int k = 0; k < 3; ++k) {
         int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
         int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
-        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> SUBPIXEL_BITS;
-        float rest = (float)((int)(e & (SUBPIXELS - 1)) + least);
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> STEP_BITS;
+        float rest = (float)((int)(e & (STEP - 1)) + least);
 #if SHADED == 1
-        weight[k] = (float)first * (float)SUBPIXELS + rest;
+        weight[k] = (float)first * (float)STEP + rest;
 #else
-        Wholes step = dx * SHADED_ROWS - dy * SHADED_COLUMNS;
-        if (t->flags & SMALL) weight[k] = TO_REALS((Wholes)((int)first) + step) * (float)SUBPIXELS + rest;
-        else weight[k] = TO_REALS((PASTE(long, SHADED))(first) + CONVERT(long, SHADED, step)) * (float)SUBPIXELS + rest;
+        Wholes step = dx * SHADED_Y - dy * SHADED_X;
+        if (t->flags & SMALL) weight[k] = TO_REALS((Wholes)((int)first) + step) * (float)STEP + rest;
+        else weight[k] = TO_REALS((PASTE(long, SHADED))(first) + CONVERT(long, SHADED, step)) * (float)STEP + rest;
 #endif
     }
 }

@@ -123,11 +123,18 @@ def straight_colors(scene: Surface) -> Floats:
     return np.broadcast_to(real(scene.color), (len(faces), 3, 4)).copy()
 
 
-def project(scene: Surface, camera: View, size: tuple[int, int], backfaces: str = "default") -> Projected:
+def project(
+    scene: Surface,
+    camera: View,
+    size: tuple[int, int],
+    backfaces: str = "default",
+    aside: tuple[float, float] = (0.0, 0.0),
+) -> Projected:
     """Bring the triangles into homogeneous screen coordinates of an image of size (width, height).
 
     backfaces: which faces that are seen from behind are kept: those that have two sides, all if "visible", none if
-    "hidden".
+    "hidden". aside: how far right of pixels' centres, and below, the samples lie, in pixels. The triangles are moved
+    the other way.
     """
     _, height = size
     position = np.asarray(camera.position, np.float64)
@@ -150,7 +157,7 @@ def project(scene: Surface, camera: View, size: tuple[int, int], backfaces: str 
     screen_x = (x * right[0] + y * right[1] + z * right[2]) * scale
     screen_y = (x * top[0] + y * top[1] + z * top[2]) * -scale
     w = np.ones_like(distance) if camera.orthographic else distance
-    homogeneous = np.stack([screen_x, screen_y, w], -1)
+    homogeneous = np.stack([screen_x - aside[0] * w, screen_y - aside[1] * w, w], -1)
     edges = cross(np.roll(homogeneous, -1, axis=1), np.roll(homogeneous, -2, axis=1))
     uv = np.zeros((len(faces), 3, 2)) if scene.uv is None else np.asarray(scene.uv, np.float64)[faces]
     kept = np.ones(len(number), bool)
@@ -325,11 +332,16 @@ def places(projected: Projected, pixel: Integers, triangle: Integers, size: tupl
 
 
 def render(
-    scene: Surface, camera: View, size: tuple[int, int], backfaces: str = "default", anisotropy: int = 1
+    scene: Surface,
+    camera: View,
+    size: tuple[int, int],
+    backfaces: str = "default",
+    anisotropy: int = 1,
+    aside: tuple[float, float] = (0.0, 0.0),
 ) -> Picture:
-    """The exact picture of the scene; size is (width, height)."""
+    """The exact picture of the scene; size is (width, height). aside: where samples lie, see `project`."""
     width, height = size
-    projected = project(scene, camera, size, backfaces)
+    projected = project(scene, camera, size, backfaces, aside)
     pixel, triangle, distance = cast(projected, size)
     cut = pixel[:0], triangle[:0]
     if scene.face_materials is None:
@@ -542,16 +554,21 @@ def segments(projected: Projected) -> Floats:
 
 
 def edge_distance(
-    scene: Surface, camera: View, size: tuple[int, int], relative: float = 0.0, backfaces: str = "default"
+    scene: Surface,
+    camera: View,
+    size: tuple[int, int],
+    relative: float = 0.0,
+    backfaces: str = "default",
+    aside: tuple[float, float] = (0.0, 0.0),
 ) -> Floats:
     """How far each sample is from the nearest edge, in pixels, where that is below 1/2; else inf: float64 [h, w].
 
     The distance is max(|dx|, |dy|): rounding to 1/256 pixel moves a corner by at most 1/512 in x and in y, thus every
     point of an edge too, so a sample that changes sides lies within 1/512 of the true edge in exactly this measure
     (the Euclidean distance can reach sqrt(2) / 512). `relative` is taken off, times the largest coordinate of the
-    edge's ends (counted from the image's corner): what rounding the projection itself may move.
+    edge's ends (counted from the image's corner): what rounding the projection itself may move. aside: see `project`.
     """
-    return outline_distance(segments(project(scene, camera, size, backfaces)), size, relative)
+    return outline_distance(segments(project(scene, camera, size, backfaces, aside)), size, relative)
 
 
 def outline_distance(lines: Floats, size: tuple[int, int], relative: float = 0.0) -> Floats:

@@ -1,0 +1,112 @@
+"""Several samples a pixel: where they lie, against the float64 twin, and what edges become of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from twins import samples as twins
+from twins import soups
+from twins.soups import BENCH, Eye, Soup
+
+import clpeel
+from clpeel.device.samples import PATTERNS
+from clpeel.techniques import TECHNIQUES
+
+if TYPE_CHECKING:
+    from conftest import Judge
+
+pytestmark = pytest.mark.usefixtures("shared_devices")
+
+ASIDE = Eye((2.5, 1.5, -2.0), (0.1, 0.0, 0.05), (0.1, 1.0, -0.2), 40.0, (0.5, 8.0))
+VIEWS = (BENCH, ASIDE, replace(ASIDE, orthographic=True))
+EXACT = sorted(name for name, each in TECHNIQUES.items() if each.exact and each.sorts and not each.maps)
+NUMBERS = (4, 8, 16)
+
+
+def render(soup: Soup, view: Eye, size: tuple[int, int], samples: int, **options: Any) -> clpeel.Result:
+    return clpeel.render(soup.scene(), view.camera(), size=size, samples=samples, **options)
+
+
+# --- where they lie ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("samples", sorted(twins.PLACES))
+def test_patterns_are_those_of_the_twin(samples: int) -> None:
+    assert sorted(PATTERNS[samples].places) == sorted(map(tuple, twins.PLACES[samples].tolist()))
+
+
+@pytest.mark.parametrize("samples", NUMBERS)
+def test_each_sample_has_a_column_and_a_row_of_its_own(samples: int) -> None:
+    """The middles of n columns and of n rows, each once; and the word that kernels get says the same."""
+    middles = (np.arange(samples) + 0.5) / samples
+    for along in twins.PLACES[samples].T:
+        np.testing.assert_array_equal(np.sort(along), middles)
+    pattern = PATTERNS[samples]
+    word = pattern.word
+    first_x, first_y = word >> 16 & 255, word >> 24
+    for row in range(4):
+        for column in range(4):
+            x = 256 * column + first_x + 64 * (word >> 2 * row & 3)
+            y = 256 * row + first_y + 64 * (word >> 8 >> 2 * column & 3)
+            right, down = pattern.places[row % pattern.rows * pattern.columns + column % pattern.columns]
+            assert x == 256 * pattern.columns * (column // pattern.columns + right)
+            assert y == 256 * pattern.rows * (row // pattern.rows + down)
+
+
+# --- against the twin -------------------------------------------------------------------------------------------------
+
+
+@st.composite
+def any_soup(draw: st.DrawFn) -> tuple[Soup, Eye, tuple[int, int], str]:
+    """A random scene, view, size and technique."""
+    kind, colors = draw(st.sampled_from(sorted(soups.SIZES))), draw(st.sampled_from(["flat8", "flat"]))
+    soup = soups.random(draw(st.integers(0, 2**32 - 1)), draw(st.integers(1, 40)), kind, colors)
+    size = draw(st.integers(1, 40)), draw(st.integers(1, 40))
+    return soup, draw(st.sampled_from(VIEWS)), size, draw(st.sampled_from(EXACT))
+
+
+@pytest.mark.parametrize("samples", NUMBERS)
+@given(any_soup())
+def test_any_scene(samples: int, judge: Judge, case: tuple[Soup, Eye, tuple[int, int], str]) -> None:
+    """Right, and the same bits in both executions and on both shapes of machine."""
+    soup, view, size, technique = case
+    call: dict[str, Any] = {"technique": technique}
+    result = render(soup, view, size, samples, lanes=1, **call)
+    twin = twins.render(judge, soup, view, size, samples)
+    judge.color(result, twin.color, np.where(twin.excused, np.inf, twin.bound))
+    judge.image(result, (1.0, 1.0, 1.0))
+    judge.same_bits(render(soup, view, size, samples, lanes=64, **call), result)
+    if TECHNIQUES[technique].has_passes:
+        for lanes in (1, 64):
+            judge.same_bits(render(soup, view, size, samples, lanes=lanes, execution="passes", **call), result)
+
+
+@pytest.mark.parametrize("samples", NUMBERS)
+@pytest.mark.parametrize("kind", ["small", "mixed"])
+def test_no_fragment_is_lost(kind: str, samples: int, lanes: int, judge: Judge) -> None:
+    """Most triangles of the small soup lie between samples, or cover one: dropping one of these would show."""
+    soup = soups.random(7, {"small": 4000, "mixed": 100}[kind], kind, "flat")
+    if kind == "small":  # even smaller, about their middles
+        middles = soup.vertices.reshape(-1, 3, 3).mean(axis=1).repeat(3, axis=0)
+        soup = replace(soup, vertices=middles + 0.3 * (soup.vertices - middles))
+    size = (50, 41)
+    result = render(soup, BENCH, size, samples, lanes=lanes)
+    twin = twins.render(judge, soup, BENCH, size, samples)
+    judge.color(result, twin.color, np.where(twin.excused, np.inf, twin.bound))
+    assert twin.excused.mean() < 0.5 and abs(result.stats.fragments / twin.layers.sum() - 1) < 0.01
+
+
+@pytest.mark.parametrize("samples", NUMBERS)
+def test_triangles_larger_than_32_bits_hold(samples: int, lanes: int, judge: Judge) -> None:
+    """Edge functions of 64 bits: the triangles reach far out of the picture, which is cut by the guard band, too."""
+    soup = soups.merge(soups.quad(0.3, 40.0, (0.9, 0.2, 0.1, 0.5)), soups.random(3, 12, "large", "flat8"))
+    soup = replace(soup, face_colors=np.array([[0.9, 0.2, 0.1, 0.5]] * len(soup.faces), np.float32))
+    for view in (BENCH, ASIDE):
+        result = render(soup, view, (70, 45), samples, lanes=lanes)
+        twin = twins.render(judge, soup, view, (70, 45), samples)
+        judge.color(result, twin.color, np.where(twin.excused, np.inf, twin.bound))
