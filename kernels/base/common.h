@@ -354,4 +354,30 @@ INLINE void add_long(volatile global uint *total, ulong value)
 #define STEP (1 << STEP_BITS)
 #define PIXEL_STEPS (SUBPIXELS / STEP)
 
+// --- pixels of the picture, where samples lie in a pattern ----------------------------------------------------------
+// Each has SHOWN_COLUMNS x SHOWN_ROWS samples of a block.
+#if PATTERNED
+#define SHOWN_COLUMNS (SUBPIXELS / 2 / FIRST_Y(PATTERN))
+#define SHOWN_ROWS (SUBPIXELS / 2 / FIRST_X(PATTERN))
+
+// Samples of a block, a bit each: the upper left ones of all its pixels of the picture, and all of its first such pixel.
+#define CORNERS ((SHOWN_COLUMNS == 2 ? 5u : 1u) * (SHOWN_ROWS == 2 ? 0x101u : 1u))
+#define FIRST_SHOWN (((1u << SHOWN_COLUMNS) - 1) * (0x1111u & ((1u << SHOWN_ROWS * BLOCK) - 1)))
+
+// The upper left samples of all pixels of the picture that have one of these samples.
+INLINE uint corners_of(uint samples)
+{
+    UNROLL for (int k = 1; k < SHOWN_COLUMNS; k *= 2) samples |= samples >> k;
+    UNROLL for (int k = 1; k < SHOWN_ROWS; k *= 2) samples |= samples >> k * BLOCK;
+    return samples & CORNERS;
+}
+
+// How far the centre of the picture's pixel lies from the first sample of the block, in half steps right and down. column,
+// row: of a sample of that pixel in the block; numbers or vectors.
+#define CENTRE_X(column) (((column) & -SHOWN_COLUMNS) * (2 * PIXEL_STEPS) + (SHOWN_COLUMNS * SUBPIXELS / 2 - FIRST_X(PATTERN)) * 2 / STEP)
+#define CENTRE_Y(row)                                                                                           \
+    (((row) & -SHOWN_ROWS) * (2 * PIXEL_STEPS) +                                                                \
+     (SHOWN_ROWS * SUBPIXELS / 2 - FIRST_Y(PATTERN)) * 2 / STEP - 2 * QUARTERS_DOWN(PATTERN, 0))
+#endif
+
 #endif

@@ -46,10 +46,38 @@ INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
     }
 }
 
+#if PATTERNED
+// The same at the centres of the picture's pixels that SHADED pixels belong to: from number `pixel` of a block on. first:
+// F of the edge at the block's first sample (stages/walk.h). rest: rest + least.
+INLINE Reals weight_at_centre(long first, float rest, int dx, int dy, bool small, int pixel)
+{
+#if SHADED == 1
+    int step = dx * CENTRE_Y(pixel / BLOCK) - dy * CENTRE_X(pixel % BLOCK);
+    return (float)(2 * first + step) * (float)(STEP / 2) + rest;
+#else
+    Wholes step = dx * CENTRE_Y(SHADED_ROWS + pixel / BLOCK) - dy * CENTRE_X(SHADED_COLUMNS);
+    if (small) return TO_REALS((Wholes)(2 * (int)first) + step) * (float)(STEP / 2) + rest;
+    return TO_REALS((PASTE(long, SHADED))(2 * first) + CONVERT(long, SHADED, step)) * (float)(STEP / 2) + rest;
+#endif
+}
+
+// x, y: the block's first sample, in subpixels from the image's centre.
+INLINE void weights_at_centres(global const Triangle *t, int x, int y, int pixel, Reals weight[3])
+{
+    UNROLL for (int k = 0; k < 3; ++k) {
+        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
+        int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least;
+        float rest = (float)(((int)e & (STEP - 1)) + least);
+        weight[k] = weight_at_centre(e >> STEP_BITS, rest, dx, dy, t->flags & SMALL, pixel);
+    }
+}
+#endif
+
 // --- a record's face ------------------------------------------------------------------------------------------------
 // What all fragments of a record have in common: weights as they are stored; the colours and normals of the face's
 // vertices, or its one colour; its material, or NULL; and the texture coordinates of its vertices. right, down: by how
-// much u, v and 1, times the unscaled shares, grow from pixel to pixel.
+// much u, v and 1, times the unscaled shares, grow from one place that is shaded to the next.
 typedef struct {
     float weight[9];
     float4 color[3];
@@ -74,6 +102,17 @@ INLINE float4 tint_of(global const Material *m, float4 color)
     return color;
 }
 #endif
+
+// Whether a face is shaded at each sample. In a pattern it is shaded once for each of the picture's pixels, at the pixel's
+// centre, unless its texels say which of its samples are there.
+INLINE bool shades_samples(const Face *f)
+{
+#if PATTERNED && ROUTED
+    return f->material && f->material->flags & ROUTED_BY_TEXELS;
+#else
+    return !PATTERNED;
+#endif
+}
 
 INLINE void face_of(global const Triangle *t, uint record, const Shading *shading, Face *f)
 {
@@ -113,6 +152,9 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
     UNROLL for (int j = 0; j < 3; ++j) at[j] = (float3)(f->uv[j], 1.0f);
     f->right = right.x * at[0] + right.y * at[1] + right.z * at[2];
     f->down = down.x * at[0] + down.y * at[1] + down.z * at[2];
+#if PATTERNED
+    if (!shades_samples(f)) f->right *= (float)SHOWN_COLUMNS, f->down *= (float)SHOWN_ROWS;
+#endif
 #endif
 #endif
 }
@@ -149,11 +191,13 @@ INLINE void place_on_face(const Reals weight[3], const Face *f, OnFace *place)
     UNROLL for (int j = 0; j < 3; ++j) {
         place->share[j] = (Reals)(0.0f);
         UNROLL for (int c = 0; c < 3; ++c) place->share[j] += weight[c] * f->weight[3 * c + j];
-        // Snapping moves corners by up to 1/512 pixel, so a weight can be slightly negative. Clamping it keeps the
-        // colour within the colours of the corners.
+        // Snapping moves corners by up to 1/512 pixel, so a weight can be slightly negative. So can it at the centre of a
+        // pixel that the face covers in part. Clamping it keeps the colour within the colours of the corners.
         place->share[j] = MAX(place->share[j], (Reals)(0.0f));
     }
-    place->scale = 1.0f / (place->share[0] + place->share[1] + place->share[2]);
+    Reals sum = place->share[0] + place->share[1] + place->share[2];
+    if (PATTERNED) sum = MAX(sum, (Reals)(0x1p-120f));  // beside a face that is seen from its edge all may be negative
+    place->scale = 1.0f / sum;
     UNROLL for (int j = 0; j < 3; ++j) place->share[j] *= place->scale;
 }
 

@@ -74,12 +74,12 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
     for (int first = 0; first < STRIP; first += SHADED) {
         uint some = bits >> first & SHADED_BITS;
         if (!some) continue;
-        Reals at_samples[3];
-        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         Face face;
         face_of(t, batch->pairs[place], shading, &face);
+        Reals to_shade_at[3];
+        WEIGHTS_TO_SHADE(first, &face, to_shade_at);
         OnFace on_face;
-        place_on_face(at_samples, &face, &on_face);
+        place_on_face(to_shade_at, &face, &on_face);
         float4 colors_there[SHADED];
         uint shaded = 0;
         for (some = shade(&face, &on_face, shading, VIEW(batch), some, colors_there); some; some &= some - 1, ++next) {

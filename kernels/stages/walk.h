@@ -234,6 +234,54 @@ INLINE VECTOR(int) cover(global const Triangle *t, int x, int y, VECTOR(float) w
 }
 #endif
 
+#if FRAGMENT_COLOR
+// Between VISITS and END_VISITS: the weights at which to shade SHADED pixels of the strip, from number `first` on. face:
+// of the record.
+#if PATTERNED && LANES == 1
+#define WEIGHTS_TO_SHADE(first, face, at) to_shade(&w, block, weight, first, face, at)
+INLINE void to_shade(const Walk *w, int block, const VECTOR(float) weight[3], int first, const Face *face, Reals at[3])
+{
+    int column = block % BLOCKS_A_ROW * (BLOCK * PIXEL_STEPS), row = block / BLOCKS_A_ROW * (BLOCK * PIXEL_STEPS);
+    bool samples = shades_samples(face);
+    UNROLL for (int k = 0; k < 3; ++k) {
+        long f = w->first[k] + (long)row * w->dx[k] - (long)column * w->dy[k];
+        if (samples) at[k] = SAMPLES_OF(weight[k], first);
+        else at[k] = weight_at_centre(f, w->rest[k], w->dx[k], w->dy[k], w->small, first);
+    }
+}
+#elif PATTERNED
+#define WEIGHTS_TO_SHADE(first, face, at)                                                                       \
+    to_shade(t, tile_x + block % BLOCKS_A_ROW * BLOCK, tile_y + block / BLOCKS_A_ROW * BLOCK, width, height, weight, \
+             first, FIRST_PIXEL, face, at)
+INLINE void to_shade(global const Triangle *t, int column, int row, int width, int height, const VECTOR(float) weight[3],
+                     int first, int first_pixel, const Face *face, Reals at[3])
+{
+    if (shades_samples(face)) {
+        UNROLL for (int k = 0; k < 3; ++k) at[k] = SAMPLES_OF(weight[k], first);
+    } else {
+        int x = SAMPLE_X(column, 0, width, PATTERN), y = SAMPLE_Y(0, row, height, PATTERN);
+        weights_at_centres(t, x, y, first_pixel + first, at);
+    }
+}
+#else
+#define WEIGHTS_TO_SHADE(first, face, at) UNROLL for (int j = 0; j < 3; ++j) at[j] = SAMPLES_OF(weight[j], first)
+#endif
+
+#if PATTERNED && LANES == 1
+// Numbers of colours for a block's samples: one for each of the picture's pixels of which `corners` has the upper left
+// sample, from `painted` on. Each byte of `before` says how many are before a pixel.
+INLINE VECTOR(uint) numbers_of(uint corners, uint painted)
+{
+    const uint across = BLOCK / SHOWN_COLUMNS, pixels = across * (BLOCK / SHOWN_ROWS);
+    uint before = 0;
+    UNROLL for (uint p = 0; p + 1 < pixels; ++p)
+        before += (corners >> (p / across * SHOWN_ROWS * BLOCK + p % across * SHOWN_COLUMNS) & 1) * (0x01010100u << 8 * p);
+    VECTOR(int) pixel = STRIP_ROWS / SHOWN_ROWS * (int)across + STRIP_COLUMNS / SHOWN_COLUMNS;
+    return ((VECTOR(uint))(before) >> PASTE(as_, VECTOR(uint))(pixel * 8) & (VECTOR(uint))(255)) + painted;
+}
+#endif
+#endif
+
 // Which pixels of a strip are in the image: -1, or 0 where not. A tile at the right or lower border may reach beyond
 // the image, and so may a triangle. columns_left, rows_left: pixels from the tile's first pixel to the border.
 INLINE VECTOR(int) in_image(int block, int lane, int columns_left, int rows_left)
@@ -343,23 +391,37 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
             global const Triangle *t = batch->triangles + batch->pairs[at];
             for (int k = 0; k < SHADED; ++k) same |= (uint)(ELEMENT(uint, payload, first + k) == at) << k;
             int pixel = strip * STRIP + first, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
-            int column = tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK;
-            int row = tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK;
-            int x = SAMPLE_X(column, row, batch->screen.width, PATTERN);
-            int y = SAMPLE_Y(column, row, batch->screen.height, PATTERN);
-            Reals weight[3];
-            weights_at(t, x, y, weight);
+            int column = tile_x + block % BLOCKS_A_ROW * BLOCK, row = tile_y + block / BLOCKS_A_ROW * BLOCK;
             Face face;
             face_of(t, batch->pairs[at], shading, &face);
+            Reals weight[3];
+            bool samples = shades_samples(&face);
+            int right = samples ? in_block % BLOCK : 0, down = samples ? in_block / BLOCK : 0;
+            int x = SAMPLE_X(column + right, row + down, batch->screen.width, PATTERN);
+            int y = SAMPLE_Y(column + right, row + down, batch->screen.height, PATTERN);
+#if PATTERNED
+            if (!samples) weights_at_centres(t, x, y, in_block, weight);
+            else
+#endif
+                weights_at(t, x, y, weight);
             OnFace on_face;
             place_on_face(weight, &face, &on_face);
             float4 colors_there[SHADED];
-            left &= ~same, same = shade(&face, &on_face, shading, VIEW(batch), same, colors_there);
-            for (const float4 *next = colors_there; same; same &= same - 1, ++next) {
-                int own = first + LOWEST_SHADED(same);
+            left &= ~same;
+#if PATTERNED && SHADED > 1
+            uint alike = samples ? 1 : FIRST_SHOWN, wanted = same;  // samples that have the same colour as a wanted one
+            if (!samples) wanted = corners_of(same);
+#else
+            uint alike = 1, wanted = same;
+#endif
+            wanted = shade(&face, &on_face, shading, VIEW(batch), wanted, colors_there);
+            for (const float4 *next = colors_there; wanted; wanted &= wanted - 1, ++next) {
                 float4 color = *next;
-                SET_ELEMENT(float, colors->red, own, color.x), SET_ELEMENT(float, colors->green, own, color.y);
-                SET_ELEMENT(float, colors->blue, own, color.z), SET_ELEMENT(float, colors->alpha, own, color.w);
+                for (uint bits = alike << LOWEST_SHADED(wanted) & same; bits; bits &= bits - 1) {
+                    int own = first + LOWEST_SHADED(bits);
+                    SET_ELEMENT(float, colors->red, own, color.x), SET_ELEMENT(float, colors->green, own, color.y);
+                    SET_ELEMENT(float, colors->blue, own, color.z), SET_ELEMENT(float, colors->alpha, own, color.w);
+                }
             }
         }
     }
@@ -382,6 +444,10 @@ typedef struct { uint step, room, strip_room; } Layout;
 // are MIXED, only those in front of z_far are emitted (stages/opaque.h). At the end each `next` is what it would be
 // with room for all, so it tells how many fragments there are. sources: where fragments have colours of their own,
 // receives their faces; NULL if nobody wants them.
+//
+// Fragments of a record in one of the picture's pixels may share a colour (shades_samples). Where a lane works alone, it
+// computes that once, and numbers colours as they come, from 0 on. So they grow with submission, too, and there are no
+// more of them than fragments. Several lanes compute it for each fragment, which gives the same bits.
 INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uint begin, uint blocks,
                       KEPT_MEMORY const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next, global ulong *fragments,
                       global float4 *colors, global uint *sources)
@@ -396,6 +462,9 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
 #if MATERIALS && LANES == 1
     Waiting waiting;
     waiting.count = 0, waiting.material = 0;
+#endif
+#if PATTERNED && LANES == 1
+    uint painted = 0;  // how many colours there are
 #endif
     VISITS(blocks)
     VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
@@ -413,19 +482,29 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
     VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
     uint fits = BITS_OF(*places < (VECTOR(uint))(layout->room));
+#if PATTERNED && LANES == 1
+    bool samples = shades_samples(&face);
+    uint wanted = samples ? all : corners_of(all & fits);
+    if (!samples) own = numbers_of(wanted, painted), painted += POPCOUNT(wanted);
+#else
+    uint wanted = all;
+#endif
     for (int first = 0; first < STRIP; first += SHADED) {
-        uint bits = all >> first & SHADED_BITS;
+        uint bits = wanted >> first & SHADED_BITS;
         if (!bits) continue;
-        Reals at_samples[3];
-        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
+        Reals to_shade_at[3];
+        WEIGHTS_TO_SHADE(first, &face, to_shade_at);
         OnFace on_face;
-        place_on_face(at_samples, &face, &on_face);
+        place_on_face(to_shade_at, &face, &on_face);
 #if MATERIALS && LANES == 1
         if (face.material && !(face.material->flags & ROUTED_BY_TEXELS)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading->textures, colors);
             Words to = ((const Words *)&own)[first / SHADED];
-            let_wait(&face, &on_face, light_on(&face, &on_face, VIEW(batch)), bits & fits >> first, to, &waiting);
+#if !PATTERNED
+            bits &= fits >> first;
+#endif
+            let_wait(&face, &on_face, light_on(&face, &on_face, VIEW(batch)), bits, to, &waiting);
             continue;
         }
 #endif
@@ -435,11 +514,20 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         there &= ~((bits & ~seen) << first);
         for (const float4 *color = colors_there; seen; seen &= seen - 1, ++color) {
             uint k = first + LOWEST_SHADED(seen);
-            if (fits >> k & 1) colors[ELEMENT(uint, own, k)] = *color;
+#if PATTERNED && LANES == 1
+            if (samples && !(fits >> k & 1)) continue;
+            if (samples) SET_ELEMENT(uint, own, k, painted++);
+#else
+            if (!(fits >> k & 1)) continue;
+#endif
+            colors[ELEMENT(uint, own, k)] = *color;
         }
 #else
         Reals light = light_on(&face, &on_face, VIEW(batch));
-        for (bits &= fits >> first; bits; bits &= bits - 1) {
+#if !PATTERNED || LANES > 1
+        bits &= fits >> first;
+#endif
+        for (; bits; bits &= bits - 1) {
             int k = LOWEST_SHADED(bits);
             colors[ELEMENT(uint, own, first + k)] = plain_color(&face, &on_face, &light, k);
         }
