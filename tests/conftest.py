@@ -166,9 +166,13 @@ class Judge:
         backfaces: str = "default",
         anisotropy: int = 1,
         aside: tuple[float, float] = (0.0, 0.0),
+        once: Booleans | None = None,
     ) -> tuple[reference.Picture, Booleans, Floats]:
-        """The twin's picture, the pixels [h, w] that are excused, and how far color may be off elsewhere [h, w]."""
-        twin = reference.render(soup, view, size, backfaces, anisotropy, aside)
+        """The twin's picture, the pixels [h, w] that are excused, and how far color may be off elsewhere [h, w].
+
+        aside, once: see reference.render.
+        """
+        twin = reference.render(soup, view, size, backfaces, anisotropy, aside, once)
         distance = reference.edge_distance(soup, view, size, EDGE_RELATIVE, backfaces, aside)
         edge = distance <= reference.SNAP + EDGE_ROUNDING
         tie = self.ties(twin)

@@ -1,4 +1,4 @@
-"""Samples: where they lie in a pixel of the picture. Each has a cell of a grid to itself, as kernels draw cell by cell."""
+"""Samples: where they lie in a pixel of the picture. Each has a cell to itself, as kernels draw cell by cell."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class Pattern:
 
     down: None for samples in the middle of their cells, as on a regular grid. Otherwise the pattern is rotated: among
     n samples each has a column and a row of its own, of n columns and n rows. So an edge that is nearly upright or
-    nearly level passes them one by one, and its pixels have n steps from nothing to all. Within a cell in row j of the
-    pixel the sample is in the j-th of `rows` columns, and within a cell in column i in the down[i]-th of `columns` rows.
+    nearly level passes them one by one, and its pixels have n steps from nothing to all. In a cell of row j the sample
+    is in the j-th of `rows` columns. In a cell of column i it is in the down[i]-th of `columns` rows.
     """
 
     columns: int

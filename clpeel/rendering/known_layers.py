@@ -175,6 +175,14 @@ class Wanted:
         uv[SPREAD] = ((0.0, 0.0), (40.0, 0.0), (0.0, 40.0)) if of_faces[SPREAD] == 1 else uv[SPREAD]
         return {"materials": kinds, "face_materials": of_faces, "uv": uv.reshape(-1, 2)}
 
+    @property
+    def shaded_at_samples(self) -> NDArray[np.bool_]:
+        """Which faces have a colour of their own at each sample: those whose texels say which of them are there."""
+        scene = self.scene()
+        if scene.face_materials is None:
+            return np.zeros(len(scene.faces), bool)
+        return np.isin(scene.face_materials, scene.face_materials[scene.kinds.routed])
+
     def given(self) -> NDArray[Any]:
         """The colours as the scene has them: [faces, 3, 4], uint8 or float32."""
         colors = self.straight()
@@ -221,10 +229,19 @@ class Stack:
 
 def _places(size: tuple[int, int], pattern: Pattern) -> tuple[Floats, Floats]:
     """Where samples lie from the picture's centre, right and up, in rows of samples: [samples] each."""
-    right, down = np.moveaxis(np.reshape(pattern.places, (pattern.rows, pattern.columns, 2)), -1, 0)
+    places = np.array(pattern.places, np.float64)
+    right, down = np.moveaxis(places.reshape(pattern.rows, pattern.columns, 2), -1, 0)
     x = np.tile(right, size[::-1]) + np.repeat(np.arange(size[0]), pattern.columns) - size[0] / 2
     y = np.tile(down, size[::-1]) + np.repeat(np.arange(size[1]), pattern.rows)[:, None] - size[1] / 2
     return x.reshape(-1) * pattern.rows, -y.reshape(-1) * pattern.rows
+
+
+def _centres(size: tuple[int, int], pattern: Pattern) -> tuple[Floats, Floats]:
+    """The centre of the pixel that each sample is of, as in `_places`."""
+    shape = size[1], 1, size[0], 1
+    centres = (each.reshape(shape) * pattern.rows for each in _places(size, PATTERNS[1]))
+    x, y = (np.tile(each, (1, pattern.rows, 1, pattern.columns)).reshape(-1) for each in centres)
+    return x, y
 
 
 def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool, pattern: Pattern = PATTERNS[1]) -> Stack:
@@ -232,13 +249,17 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool, pattern:
     x, y = _places(size, pattern)
     corner_x, corner_y, corner_distance = wanted.faces.swapaxes(0, 1)  # [faces, 3]
 
-    def area(a: int, b: int) -> Floats:
-        """Twice the signed area of each sample with corners a and b: [samples, faces]."""
-        across, up = corner_x[:, b] - corner_x[:, a], corner_y[:, b] - corner_y[:, a]
-        return across * (y[:, None] - corner_y[:, a]) - up * (x[:, None] - corner_x[:, a])
+    def barycentric(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Barycentric weights on the screen, [places, faces, 3], and twice the signed area of each face, [faces]."""
 
-    areas = np.stack([area(1, 2), area(2, 0), area(0, 1)], axis=-1)
-    weights = areas / areas.sum(axis=-1, keepdims=True)  # barycentric on the screen
+        def area(a: int, b: int) -> Floats:
+            across, up = corner_x[:, b] - corner_x[:, a], corner_y[:, b] - corner_y[:, a]
+            return across * (y[:, None] - corner_y[:, a]) - up * (x[:, None] - corner_x[:, a])
+
+        areas = np.stack([area(1, 2), area(2, 0), area(0, 1)], axis=-1)
+        return areas / areas.sum(axis=-1, keepdims=True), areas[0].sum(axis=-1)
+
+    weights, areas = barycentric(x, y)
     if wanted.perspective:  # 1 / distance is linear on the screen, and so is anything linear divided by the distance
         weights /= corner_distance
         with np.errstate(divide="ignore", invalid="ignore"):  # of samples that the triangle does not cover
@@ -250,7 +271,13 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool, pattern:
     values = wanted.given() / (255.0 if wanted.features.packed_color else 1.0)
     color = np.repeat(values[None, :, 0], len(weights), axis=0)  # exact, where a face has one colour
     if wanted.features.color_rate == "vertex":
-        color = np.einsum("pfc,fcd->pfd", weights, values)
+        shares = weights
+        if pattern.down is not None:  # shaded once for each pixel, at its centre, or as near as the face comes
+            shares = np.maximum(barycentric(*_centres(size, pattern))[0], 0)
+            shares /= corner_distance if wanted.perspective else 1.0
+            shares /= shares.sum(axis=-1, keepdims=True)
+            shares = np.where(wanted.shaded_at_samples[:, None], weights, shares)
+        color = np.einsum("pfc,fcd->pfd", shares, values)
     if wanted.features.materials:
         texels = linear(np.array(TEXELS[: len(wanted.faces)]) / 255)
         color[..., :3] = srgb(np.where(present[..., None], color[..., :3], 0.0) * texels)
@@ -266,7 +293,7 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool, pattern:
     opaque = ordered(opaque)
     seen = np.cumsum(opaque, axis=1) - opaque == 0  # not behind an opaque one
     here = ordered(present) & seen
-    back = np.broadcast_to(areas[0].sum(axis=-1) < 0, present.shape)
+    back = np.broadcast_to(areas < 0, present.shape)
     return Stack(
         here,
         ordered(color) * here[..., None],

@@ -138,7 +138,7 @@ def view_of(
         "depth_near": depth_near,
         "depth_far": depth_far,
     }
-    grid = {"width": size[0], "height": size[1], "pattern": pattern.word}
+    grid: Arguments = {"width": size[0], "height": size[1], "pattern": pattern.word}
     return View(points, grid, not camera.orthographic, clipping, camera.fitted_range(host))
 
 

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from twins import samples as twins
-from twins import soups
+from twins import soups, textured
 from twins.soups import BENCH, Eye, Soup
 
 import clpeel
 from clpeel.device.samples import PATTERNS
+from clpeel.scene.materials import NO_MATERIAL, Material
 from clpeel.techniques import TECHNIQUES
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def test_each_sample_has_a_column_and_a_row_of_its_own(samples: int) -> None:
 @st.composite
 def any_soup(draw: st.DrawFn) -> tuple[Soup, Eye, tuple[int, int], str]:
     """A random scene, view, size and technique."""
-    kind, colors = draw(st.sampled_from(sorted(soups.SIZES))), draw(st.sampled_from(["flat8", "flat"]))
+    kind, colors = draw(st.sampled_from(sorted(soups.SIZES))), draw(st.sampled_from(soups.COLORS))
     soup = soups.random(draw(st.integers(0, 2**32 - 1)), draw(st.integers(1, 40)), kind, colors)
     size = draw(st.integers(1, 40)), draw(st.integers(1, 40))
     return soup, draw(st.sampled_from(VIEWS)), size, draw(st.sampled_from(EXACT))
@@ -110,3 +111,45 @@ def test_triangles_larger_than_32_bits_hold(samples: int, lanes: int, judge: Jud
         result = render(soup, view, (70, 45), samples, lanes=lanes)
         twin = twins.render(judge, soup, view, (70, 45), samples)
         judge.color(result, twin.color, np.where(twin.excused, np.inf, twin.bound))
+
+
+# --- shaded once ------------------------------------------------------------------------------------------------------
+
+HOLED = textured.textured(textured.noise(3, 7, 7, [0, 255]), alpha_mode="MASK", alpha_cutoff=0.4)
+SOFT = textured.textured(
+    textured.noise(2, 8, 8, [60, 90, 200]), minify="linear-mipmap-linear", alpha_mode="BLEND", opacity=0.9
+)
+WALL = textured.textured(textured.noise(5, 9, 6, [0, 60]), wrap="mirror", opacity=0.7)
+GLASS = Material(base_color=(0.9, 0.3, 0.1, 0.4), alpha_mode="BLEND")
+MATERIALS = (HOLED, SOFT, WALL, GLASS)
+
+
+@pytest.mark.parametrize("samples", NUMBERS)
+@pytest.mark.parametrize("technique", ["sort", "depth-peeling"])
+def test_materials(technique: str, samples: int, judge: Judge) -> None:
+    """One colour for all samples of a face in a pixel, at its centre or as near to it as the face comes.
+
+    Where texels cut away, each sample has its own.
+    """
+    rng = np.random.default_rng(samples)
+    soup = textured.crossing(samples, 12, MATERIALS, vertex_colors=rng.uniform(0.2, 0.9, (48, 4)).astype(np.float32))
+    kinds = rng.permutation(np.arange(12) % (len(MATERIALS) + 1)) + NO_MATERIAL
+    soup = replace(soup, face_materials=np.repeat(kinds, 2))
+    size = (37, 30)
+    result = render(soup, BENCH, size, samples, lanes=1, technique=technique)
+    twin = twins.render(judge, soup, BENCH, size, samples)
+    assert twin.excused.mean() < 0.5
+    judge.color(result, twin.color, np.where(twin.excused, np.inf, twin.bound))
+    judge.same_bits(render(soup, BENCH, size, samples, lanes=64, technique=technique), result)
+    if technique != "sort":
+        judge.same_bits(render(soup, BENCH, size, samples, lanes=1, technique=technique, execution="passes"), result)
+
+
+def test_a_light_is_the_same_on_all_machines(judge: Judge) -> None:
+    soup = soups.merge(soups.sphere(0.7, (0.9, 0.5, 0.2, 0.5)), soups.random(3, 60, "mixed", "flat"))
+    for samples in NUMBERS:
+        call: dict[str, Any] = {"lighting": "headlight", "samples": samples}
+        first = render(soup, BENCH, (50, 41), lanes=1, **call)
+        for lanes in (1, 16, 64, 128):
+            for technique in ("sort", "depth-peeling"):
+                judge.same_bits(render(soup, BENCH, (50, 41), lanes=lanes, technique=technique, **call), first)

@@ -28,6 +28,18 @@ PLACES: dict[int, Floats] = {
 """Where the samples of a pixel lie, from its upper left corner, right and down, in pixels."""
 
 
+def shaded_once(soup: Any) -> NDArray[np.bool_]:
+    """Which faces have one colour for all samples that they cover in a pixel: all whose texels cut nothing away."""
+    cuts = [
+        each.alpha_mode == "MASK"
+        or (each.alpha_mode == "BLEND" and each.texture is not None and (each.texture.image[..., 3] == 0).any())
+        for each in soup.materials
+    ]
+    if soup.face_materials is None:
+        return np.ones(len(soup.faces), bool)
+    return ~np.array([*cuts, False])[soup.face_materials]
+
+
 @dataclass(frozen=True)
 class Sampled:
     """A picture of several samples a pixel. h rows, w columns."""
@@ -43,8 +55,8 @@ def render(judge: Any, soup: Any, view: Any, size: tuple[int, int], samples: int
 
     A sum of n numbers up to 1, rounded n times in float32, and its quotient are off by n + 1 roundings at most.
     """
-    places = PLACES[samples]
-    parts = [judge.weigh(soup, view, size, aside=(x - 0.5, y - 0.5), **options) for x, y in places]
+    places, once = PLACES[samples], shaded_once(soup)
+    parts = [judge.weigh(soup, view, size, aside=(x - 0.5, y - 0.5), once=once, **options) for x, y in places]
     return Sampled(
         np.mean([twin.color for twin, _, _ in parts], axis=0),
         np.mean([bound for _, _, bound in parts], axis=0) + (len(places) + 1) * reference.UNIT,
