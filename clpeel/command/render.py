@@ -125,8 +125,13 @@ def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
 
 def given_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return the given options of `clpeel.render`, without those of the camera and the device."""
+    from clpeel.rendering.options import COMMAND_SAMPLES
+    from clpeel.techniques import AUTO, technique
+
     names = (*technique_options(), *METHOD, "samples", "memory")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
+    if options.samples is None and (options.technique == AUTO or not technique(options.technique).maps):
+        given["samples"] = COMMAND_SAMPLES
     return {
         **given,
         "size": options.resolution,

@@ -24,6 +24,11 @@ COMMAND_BACKGROUND: Rgb = (200 / 255, 204 / 255, 210 / 255)
 light through. In Python it is white, as in the papers.
 """
 
+COMMAND_SAMPLES = 4
+"""Samples a pixel of pictures that the command draws. Maps, such as thicknesses, have 1: there the pixel's centre
+counts. In Python it is 1, as in the papers.
+"""
+
 
 def _checked_size(name: str, value: object) -> object:
     return checked_size(cast(Sequence[int], value))
