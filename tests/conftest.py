@@ -159,11 +159,21 @@ class Judge:
             )
 
     def weigh(
-        self, soup: Any, view: Any, size: tuple[int, int], backfaces: str = "default", anisotropy: int = 1
+        self,
+        soup: Any,
+        view: Any,
+        size: tuple[int, int],
+        backfaces: str = "default",
+        anisotropy: int = 1,
+        aside: tuple[float, float] = (0.0, 0.0),
+        once: Booleans | None = None,
     ) -> tuple[reference.Picture, Booleans, Floats]:
-        """The twin's picture, the pixels [h, w] that are excused, and how far color may be off elsewhere [h, w]."""
-        twin = reference.render(soup, view, size, backfaces, anisotropy)
-        distance = reference.edge_distance(soup, view, size, relative=EDGE_RELATIVE, backfaces=backfaces)
+        """The twin's picture, the pixels [h, w] that are excused, and how far color may be off elsewhere [h, w].
+
+        aside, once: see reference.render.
+        """
+        twin = reference.render(soup, view, size, backfaces, anisotropy, aside, once)
+        distance = reference.edge_distance(soup, view, size, EDGE_RELATIVE, backfaces, aside)
         edge = distance <= reference.SNAP + EDGE_ROUNDING
         tie = self.ties(twin)
         assert (twin.bound <= (3 * twin.layers + 4) * reference.UNIT).all()

@@ -38,9 +38,10 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))  # the kernels of this copy are checked, whatever is installed
 
 from clpeel.device.devices import ALLOWED_LANES, GPU_LANES  # noqa: E402
-from clpeel.device.layout import DEPTH_FORMATS, Features, Targets  # noqa: E402
+from clpeel.device.layout import DEPTH_FORMATS, REGULAR, Features, Targets  # noqa: E402
 from clpeel.device.memory import Budget  # noqa: E402
 from clpeel.device.program import build_options, source  # noqa: E402
+from clpeel.device.samples import PATTERNS  # noqa: E402
 from clpeel.errors import InputError  # noqa: E402
 from clpeel.options import Options, options_of  # noqa: E402
 from clpeel.stages import many_passes, one_pass, opaque, passes  # noqa: E402
@@ -230,6 +231,7 @@ class Variant:
             *(["lit"] if of.headlight else []),
             *([of.surfaces] if of.surfaces != "transparent" else []),
             *([of.depth_format] if of.depth_format != DEPTH_FORMATS[0] else []),
+            *([f"pattern {of.pattern:x}"] if of.pattern != REGULAR else []),
             *(f"{name}={value}" for name, value in self.defines if value),
         ]
         return " ".join(parts)
@@ -324,6 +326,9 @@ def features_to_try(lanes: int) -> Iterator[Features]:
         yield replace(main, surfaces=surfaces, headlight=headlight, color_rate=rate)
     yield replace(main, packed_color=False)
     yield replace(main, packed_color=False, color_rate="vertex", headlight=True)
+    for samples in (4, 8, 16):
+        yield replace(main, pattern=PATTERNS[samples].word)
+        yield replace(main, pattern=PATTERNS[samples].word, color_rate="vertex", headlight=True)
     for depth_format in DEPTH_FORMATS:
         yield replace(main, depth_format=depth_format)
 

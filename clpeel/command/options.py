@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 from clpeel.command import values
 from clpeel.options import Option, options_of
-from clpeel.rendering.options import COMMAND_BACKGROUND, PictureOptions
+from clpeel.rendering.options import COMMAND_BACKGROUND, COMMAND_SAMPLES, PictureOptions
 from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
@@ -34,7 +35,9 @@ def _add_output(group: argparse._ArgumentGroup, output: str, metavar: str, text:
     group.add_argument("--output", "-o", default=output, metavar=metavar, help=f"{text} (default: {output})")
 
 
-def add_picture_options(parser: argparse.ArgumentParser, output: str, resolution: str, samples: int) -> None:
+def add_picture_options(
+    parser: argparse.ArgumentParser, output: str, resolution: str, samples: int | None = None
+) -> None:
     """Add the options that `render` and `demo` share."""
     group = parser.add_argument_group("picture")
     _add_output(group, output, "OUT.png", "PNG file to write, or - for standard output")
@@ -91,7 +94,7 @@ def _add_boxes(add: Callable[..., object]) -> None:
 
 
 def _add_view_options(
-    parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int
+    parser: argparse.ArgumentParser, group: argparse._ArgumentGroup, resolution: str, samples: int | None
 ) -> None:
     """Add the options of all commands that render one picture. `group` receives those of the picture."""
     _add_scene_options(group, resolution)
@@ -167,15 +170,21 @@ def _add_camera_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_method_options(parser: argparse.ArgumentParser, samples: int) -> None:
-    """Add the options of all commands that render: how they do it, and what they say."""
+def _add_method_options(parser: argparse.ArgumentParser, samples: int | None) -> None:
+    """Add the options of all commands that render: how they do it, and what they say.
+
+    samples: a pixel; None for COMMAND_SAMPLES where the technique makes no map.
+    """
     group = parser.add_argument_group("method")
     _add_technique_options(group)
     text = "with auto: what it chose, why, and what others would have cost"
     group.add_argument("--explain", action="store_true", help=text)
     text = "write the map of techniques that make one, as an array of NumPy: a row for each row of pixels"
     group.add_argument("--map", metavar="FILE.npy", help=text)
-    add_option(group, PICTURE["samples"], samples)
+    each = PICTURE["samples"]
+    if samples is None:
+        each = replace(each, help=f"{each.help} (default: {COMMAND_SAMPLES}, or 1 for a map)")
+    add_option(group, each, samples)
     _add_device_options(group)
 
 

@@ -219,7 +219,7 @@ def _add_options(parser: Parser) -> None:
     of = parser.commands
     for name, done in (("render", "drawn"), ("layers", "peeled"), ("complexity", "counted"), ("compare", "drawn")):
         options.add_files(of[name], done)
-    options.add_picture_options(of["render"], output="clpeel.png", resolution="1024,1024", samples=1)
+    options.add_picture_options(of["render"], output="clpeel.png", resolution="1024,1024")
     options.add_layers_options(of["layers"])
     options.add_complexity_options(of["complexity"])
     options.add_compare_options(of["compare"])

@@ -20,7 +20,18 @@ SMALL_EXTENT = 1 << 18
 """A triangle is small if its width and height are fewer subpixels than this (1,024 pixels).
 
 All over the tiles that it meets, its edge functions fit 32 bits in steps of SUBPIXELS (walk.h):
-|E| <= 2 * 2**18 * (2**18 + 2**12) < 2**38.
+|E| <= 2 * 2**18 * (2**18 + 2**12) < 2**38, and 2**38 / 2**8 = 2**30.
+"""
+
+REGULAR = 0x80800000
+"""The pattern of samples that lie in the middle of their pixels (common.h, PATTERN)."""
+
+PATTERN_STEP_BITS = 6
+"""Samples in other patterns lie apart by multiples of 1/4 pixel: 2**6 subpixels, which are a step then."""
+
+SMALL_EXTENT_IN_PATTERNS = 1 << 17
+"""The same as SMALL_EXTENT in other patterns, where steps are smaller: in steps of 2**6 subpixels,
+|E| <= 2 * 2**17 * (2**17 + 2**12) < 1.04 * 2**35, and 1.04 * 2**35 / 2**6 < 2**30.
 """
 
 TILE_BITS = 4
@@ -96,7 +107,7 @@ AMBIENT = 0.2
 CUT, BLENDED, UNLIT, RGB_OF_SCENE, ALPHA_OF_SCENE, ROUTED_BY_TEXELS, HIDES, TEXTURED = (1 << bit for bit in range(8))
 PLAIN = 1 << 8
 
-# Flags of how a texture is sampled (records.py, SAMPLING).
+# Flags of how a texture is sampled (records.py, MAPPING).
 FLOAT_TEXELS, MIRROR_U, CLAMP_U, MIRROR_V, CLAMP_V = (1 << bit for bit in range(5))
 MAGNIFY_LINEAR, MINIFY_LINEAR, BETWEEN_LEVELS, NUMBERS = (1 << bit for bit in range(5, 9))
 
@@ -203,6 +214,7 @@ class Features:
     hiding: bool = False  # and which of them are opaque
     levels: bool = False  # textures have mip maps, or filters of which level of detail chooses one
     probes: int = 1  # the most samples of a texture along a pixel's longer side
+    pattern: int = REGULAR  # where samples lie (samples.py)
     depth_format: DepthFormat = DEPTH_FORMATS[FLOAT32_REVERSED]
     lights: bool = False  # lights fall on surfaces (kernels/shading/lights.h)
     positioned: bool = False  # some of them have places
@@ -253,6 +265,7 @@ class Features:
             "HIDING": int(self.hiding),
             "LEVELS": int(self.levels),
             "PROBES": self.probes,
+            "PATTERN": f"{self.pattern:#x}u",
             "DEPTH_FORMAT": DEPTH_FORMATS.index(self.depth_format),
         }
         return [f"-D{name}={value}" for name, value in flags.items()]

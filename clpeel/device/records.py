@@ -36,7 +36,7 @@ TRIANGLE = np.dtype(
 )
 """A record: what the rasterizer needs of a triangle. It has 64 bytes, a cache line."""
 
-SAMPLING = np.dtype(
+MAPPING = np.dtype(
     [
         ("texture", np.uint32),  # where the texture begins among all words of textures
         ("flags", np.uint32),  # FLOAT_TEXELS | MIRROR_U | ... (layout.py)
@@ -63,11 +63,11 @@ MATERIAL = np.dtype(
         ("occlusion_strength", np.float32),
         ("mapped", np.uint32),  # whether any texture but the first is used
         ("spare", np.uint32),
-        ("base", SAMPLING),
-        ("metallic_roughness_map", SAMPLING),
-        ("normal_map", SAMPLING),
-        ("occlusion_map", SAMPLING),
-        ("emissive_map", SAMPLING),
+        ("base", MAPPING),
+        ("metallic_roughness_map", MAPPING),
+        ("normal_map", MAPPING),
+        ("occlusion_map", MAPPING),
+        ("emissive_map", MAPPING),
         ("albedo", np.float32, 2 * layout.ALBEDO_SIDE),  # of its roughness (clpeel/stages/albedo.py)
     ]
 )
@@ -81,7 +81,11 @@ LIGHTING = np.dtype(
         ("zenith", np.float32, 3),  # where the sky is, in the camera's space, of length 1
         ("sky", np.float32, 3),  # light from above, linear
         ("ground", np.float32, 3),  # light from below
-        ("ray", np.float32),  # a subpixel on a plane at distance 1; in parallel projection its side
+        (
+            "ray",
+            np.float32,
+            2,
+        ),  # a subpixel, across and down, on a plane at distance 1; in parallel projection its sides
         ("near", np.float32),  # distances as in positions on the device: of the near plane and the far plane
         ("far", np.float32),
         ("span", np.float32),  # far - near
@@ -168,7 +172,7 @@ TOTALS = {"PEEL": PEEL_TOTALS, "COUNT": COUNT_TOTALS}
 STRUCTS = {
     "Vertex": VERTEX,
     "Triangle": TRIANGLE,
-    "Sampling": SAMPLING,
+    "Mapping": MAPPING,
     "Material": MATERIAL,
     "Lighting": LIGHTING,
     "Lamp": LAMP,

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.device.layout import AMBIENT, Features
+from clpeel.device.layout import AMBIENT, REGULAR, Features
+from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.options import Options
 from clpeel.rendering.known_lights import KNOWN_LIGHTS, covering, under_lights
 from clpeel.scene.camera import Camera
@@ -53,6 +54,9 @@ distances. All of these numbers are exact in float32, as positions and as distan
 
 CUT = ((-16.0, -16.0, 16.0), (-12.0, 7.75, 8.0), (0.5, 0.5, 4.0))
 """One more triangle for pictures in which triangles are clipped: the near plane cuts it."""
+
+NUDGE = (0.0625, -0.046875, 0.0)
+"""Added to all corners where samples lie in a rotated pattern, so that edges are clear of all of them."""
 
 OPAQUE_FACE = 4
 """Which of FACES is opaque where some are. It crosses another one."""
@@ -97,7 +101,8 @@ class Wanted:
     @property
     def faces(self) -> Floats:
         """x, y and distance of each corner of each triangle: float64 [faces, 3, 3]."""
-        return np.array([*FACES, CUT] if self.cut else FACES, np.float64)
+        faces = np.array([*FACES, CUT] if self.cut else FACES, np.float64)
+        return faces if self.features.pattern == REGULAR else faces + np.array(NUDGE)[:, None]
 
     @property
     def view(self) -> str:
@@ -177,6 +182,14 @@ class Wanted:
         uv[SPREAD] = ((0.0, 0.0), (40.0, 0.0), (0.0, 40.0)) if of_faces[SPREAD] == 1 else uv[SPREAD]
         return {"materials": kinds, "face_materials": of_faces, "uv": uv.reshape(-1, 2)}
 
+    @property
+    def shaded_at_samples(self) -> NDArray[np.bool_]:
+        """Which faces have a colour of their own at each sample: those whose texels say which of them are there."""
+        scene = self.scene()
+        if scene.face_materials is None:
+            return np.zeros(len(scene.faces), bool)
+        return np.isin(scene.face_materials, scene.face_materials[scene.kinds.routed])
+
     def given(self) -> NDArray[Any]:
         """The colours as the scene has them: [faces, 3, 4], uint8 or float32."""
         colors = self.straight()
@@ -221,20 +234,39 @@ class Stack:
         return solid
 
 
-def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack:
-    """The fragments of a picture of `size` (width, height) in samples, row by row from the top left."""
-    width, height = size
-    column, row = np.meshgrid(np.arange(width), np.arange(height))
-    x, y = column.reshape(-1) + 0.5 - width / 2, height / 2 - row.reshape(-1) - 0.5
+def _places(size: tuple[int, int], pattern: Pattern) -> tuple[Floats, Floats]:
+    """Where samples lie from the picture's centre, right and up, in rows of samples: [samples] each."""
+    places = np.array(pattern.places, np.float64)
+    right, down = np.moveaxis(places.reshape(pattern.rows, pattern.columns, 2), -1, 0)
+    x = np.tile(right, size[::-1]) + np.repeat(np.arange(size[0]), pattern.columns) - size[0] / 2
+    y = np.tile(down, size[::-1]) + np.repeat(np.arange(size[1]), pattern.rows)[:, None] - size[1] / 2
+    return x.reshape(-1) * pattern.rows, -y.reshape(-1) * pattern.rows
+
+
+def _centres(size: tuple[int, int], pattern: Pattern) -> tuple[Floats, Floats]:
+    """The centre of the pixel that each sample is of, as in `_places`."""
+    shape = size[1], 1, size[0], 1
+    centres = (each.reshape(shape) * pattern.rows for each in _places(size, PATTERNS[1]))
+    x, y = (np.tile(each, (1, pattern.rows, 1, pattern.columns)).reshape(-1) for each in centres)
+    return x, y
+
+
+def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool, pattern: Pattern = PATTERNS[1]) -> Stack:
+    """The fragments of a picture of `size` (width, height) in pixels, row by row of samples from the top left."""
+    x, y = _places(size, pattern)
     corner_x, corner_y, corner_distance = wanted.faces.swapaxes(0, 1)  # [faces, 3]
 
-    def area(a: int, b: int) -> Floats:
-        """Twice the signed area of each sample with corners a and b: [samples, faces]."""
-        across, up = corner_x[:, b] - corner_x[:, a], corner_y[:, b] - corner_y[:, a]
-        return across * (y[:, None] - corner_y[:, a]) - up * (x[:, None] - corner_x[:, a])
+    def barycentric(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Barycentric weights on the screen, [places, faces, 3], and twice the signed area of each face, [faces]."""
 
-    areas = np.stack([area(1, 2), area(2, 0), area(0, 1)], axis=-1)
-    weights = areas / areas.sum(axis=-1, keepdims=True)  # barycentric on the screen
+        def area(a: int, b: int) -> Floats:
+            across, up = corner_x[:, b] - corner_x[:, a], corner_y[:, b] - corner_y[:, a]
+            return across * (y[:, None] - corner_y[:, a]) - up * (x[:, None] - corner_x[:, a])
+
+        areas = np.stack([area(1, 2), area(2, 0), area(0, 1)], axis=-1)
+        return areas / areas.sum(axis=-1, keepdims=True), areas[0].sum(axis=-1)
+
+    weights, areas = barycentric(x, y)
     if wanted.perspective:  # 1 / distance is linear on the screen, and so is anything linear divided by the distance
         weights /= corner_distance
         with np.errstate(divide="ignore", invalid="ignore"):  # of samples that the triangle does not cover
@@ -246,20 +278,33 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack
     values = wanted.given() / (255.0 if wanted.features.packed_color else 1.0)
     color = np.repeat(values[None, :, 0], len(weights), axis=0)  # exact, where a face has one colour
     if wanted.features.color_rate == "vertex":
-        color = np.einsum("pfc,fcd->pfd", weights, values)
+        shares = weights
+        if pattern.down is not None:  # shaded once for each pixel, at its centre, or as near as the face comes
+            shares = np.maximum(barycentric(*_centres(size, pattern))[0], 0)
+            shares /= corner_distance if wanted.perspective else 1.0
+            shares /= shares.sum(axis=-1, keepdims=True)
+            shares = np.where(wanted.shaded_at_samples[:, None], weights, shares)
+        color = np.einsum("pfc,fcd->pfd", shares, values)
     color[..., :3] = np.where(present[..., None], color[..., :3], 0.0)
     if wanted.features.materials:
         texels = linear(np.array(TEXELS[: len(wanted.faces)]) / 255)
         color[..., :3] = srgb(color[..., :3] * texels)
     if wanted.features.lights:
-        ray = np.stack([x, y], axis=-1)[:, None] / (HEIGHT / 2)
-        place = np.where(present, distance, 1.0)[..., None] * ((0, 0, -1) if not wanted.perspective else (1, 1, 1))
-        place = (
-            place * np.append(ray, -np.ones_like(ray[..., :1]), axis=-1)
-            if wanted.perspective
-            else place + np.pad(ray, ((0, 0), (0, 0), (0, 1)))
-        )
-        color = _under_lights(wanted, color, place)
+        at = np.repeat(np.stack([x, y], axis=-1)[:, None], len(values), axis=1)
+        away = distance
+        if pattern.down is not None:
+            centres = np.stack(_centres(size, pattern), axis=-1)[:, None]
+            inverse = barycentric(*_centres(size, pattern))[0]
+            inverse = inverse / corner_distance if wanted.perspective else inverse * corner_distance
+            with np.errstate(divide="ignore"):
+                there = inverse.sum(axis=-1) ** (-1 if wanted.perspective else 1)
+            nearest, farthest = corner_distance.min(axis=1), corner_distance.max(axis=1)
+            there = np.where(there > 0, np.clip(there, nearest, farthest), farthest)  # beyond infinity it is negative
+            at = np.where(wanted.shaded_at_samples[:, None], at, centres)
+            away = np.where(wanted.shaded_at_samples, away, there)
+        away = np.where(present, away, 1.0)[..., None]
+        ray = at / (HEIGHT / 2)
+        color = _under_lights(wanted, color, np.append(ray * away if wanted.perspective else ray, -away, axis=-1))
     opaque = present & bool(opaque_first) & (values[..., 3] == 1).all(axis=1)
     light = np.broadcast_to(_light(wanted), present.shape)
     color[..., :3] *= light[..., None]
@@ -272,7 +317,7 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool) -> Stack
     opaque = ordered(opaque)
     seen = np.cumsum(opaque, axis=1) - opaque == 0  # not behind an opaque one
     here = ordered(present) & seen
-    back = np.broadcast_to(areas[0].sum(axis=-1) < 0, present.shape)
+    back = np.broadcast_to(areas < 0, present.shape)
     return Stack(
         here,
         ordered(color) * here[..., None],

@@ -9,6 +9,7 @@ from typing import Literal, cast
 from clpeel import checks
 from clpeel.checks import MAX_SIDE, Background, GivenBackground, Rgb, checked_background, checked_size
 from clpeel.device.layout import DepthFormat
+from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.errors import InputError
 from clpeel.options import MEMORY, Kind, Options, not_negative, option
 
@@ -19,12 +20,14 @@ Opaque = Literal["first", "blend"]
 Execution = Literal["tiles", "passes"]
 Backfaces = Literal["default", "visible", "hidden"]
 
-SAMPLES_A_SIDE = {1: 1, 4: 2, 16: 4, 64: 8, 256: 16}
-"""Samples of a pixel, and samples on its side. The side divides that of a tile, so a pixel's samples share a tile."""
-
 COMMAND_BACKGROUND: Rgb = (200 / 255, 204 / 255, 210 / 255)
 """What the command puts behind a scene: a light grey, before which white things show and black ones, and those that let
 light through. In Python it is white, as in the papers.
+"""
+
+COMMAND_SAMPLES = 4
+"""Samples a pixel of pictures that the command draws. Maps, such as thicknesses, have 1: there the pixel's centre
+counts. In Python it is 1, as in the papers.
 """
 
 
@@ -73,8 +76,8 @@ class PictureOptions(Options):
     highlights: Highlights = option(
         "dimmed", help="highlights of transparent surfaces: dimmed by their alpha (default), or full, as of glass"
     )
-    samples: Literal[1, 4, 16, 64, 256] = option(
-        1, help="samples a pixel, averaged for smooth edges: 1, 4, 16, 64 or 256"
+    samples: Literal[1, 4, 8, 16, 64, 256] = option(
+        1, help="samples a pixel, averaged for smooth edges: 1, 4, 8, 16, 64 or 256"
     )
     memory: int | str | None = option(
         None, MEMORY, help="device memory to use, such as 512M or 2G (default: a share of the device's)"
@@ -95,7 +98,7 @@ class PictureOptions(Options):
 
     def check_together(self) -> None:
         """Raises InputError if samples make the picture too large, or if layers are requested with several samples."""
-        most = MAX_SIDE // self.side
+        most = MAX_SIDE // max(self.pattern.columns, self.pattern.rows)
         if max(self.size) > most:
             raise InputError(
                 f"samples: expected at most {most} pixels a side with {self.samples} samples, got {max(self.size)}"
@@ -104,9 +107,9 @@ class PictureOptions(Options):
             raise InputError(f"layers: expected samples=1, got {self.samples!r}")
 
     @property
-    def side(self) -> int:
-        """Samples on a side of a pixel."""
-        return SAMPLES_A_SIDE[self.samples]
+    def pattern(self) -> Pattern:
+        """Where the samples of a pixel lie."""
+        return PATTERNS[self.samples]
 
     @property
     def over(self) -> Background | None:

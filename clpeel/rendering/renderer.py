@@ -166,7 +166,7 @@ class Renderer:
         frame = Frame(
             self.gpu,
             triangles,
-            picture.begin(request.picture.side, request.picture.over),
+            picture.begin(request.picture.pattern, request.picture.over),
             capacity_of(request.technique, triangles.features, budget),
             budget,
             watcher(request, tiles),
@@ -218,6 +218,7 @@ class Renderer:
             backfaces=request.backfaces,
             probes=request.picture.anisotropy,
             lit=request.lit,
+            pattern=request.picture.pattern,
         )
 
     def _picture(self, request: Request) -> Picture:

@@ -106,7 +106,7 @@ class Request:
     def sampled(self) -> Size:
         """The picture's (width, height) in samples."""
         width, height = self.picture.size
-        return width * self.picture.side, height * self.picture.side
+        return width * self.picture.pattern.columns, height * self.picture.pattern.rows
 
     @property
     def lighting(self) -> Lighting:

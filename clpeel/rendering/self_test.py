@@ -132,8 +132,8 @@ class _Test:
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
-        side = self.request.picture.side
-        return -(-WIDTH // side), HEIGHT // side
+        pattern = self.request.picture.pattern
+        return -(-WIDTH // pattern.columns), HEIGHT // pattern.rows
 
 
 def check(renderer: Renderer, request: Request, triangles: Triangles, tiles: int) -> list[str]:
@@ -357,16 +357,17 @@ def _compared(result: Result, test: _Test, lacking: str) -> tuple[Kind, str]:
     found = _Comparison()
     technique, wanted = test.request.technique, test.wanted
     width, height = test.size
-    side = test.request.picture.side
-    stack = stack_of(wanted, (width * side, height * side), test.request.opaque_first)
+    pattern = test.request.picture.pattern
+    stack = stack_of(wanted, test.size, test.request.opaque_first, pattern)
     color, maps = SHOWN[technique.name](stack, wanted, technique, test.options)
 
     def means(values: Floats) -> Floats:
         """The means over the samples of pixels: [height, width, ...]."""
-        return values.reshape(height, side, width, side, *values.shape[1:]).mean(axis=(1, 3))
+        shape = height, pattern.rows, width, pattern.columns, *values.shape[1:]
+        return values.reshape(shape).mean(axis=(1, 3))
 
     bound = means(color_bound(stack, test))
-    bound = np.where(bound > 0, bound + side * side * ROUNDING * LAYERS, 0.0)  # a mean adds up so many samples
+    bound = np.where(bound > 0, bound + len(pattern.places) * ROUNDING * LAYERS, 0.0)  # a mean adds up so many samples
     if len(color):
         shown = means(color)
         shown[..., 3] = 1 - shown[..., 3]

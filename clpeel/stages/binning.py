@@ -157,6 +157,7 @@ def _walk(triangles: Triangles, columns: int, chunk_records: int, tile_count: in
         "chunk_records": chunk_records,
         "width": triangles.size[0],
         "height": triangles.size[1],
+        "pattern": triangles.features.pattern,
         "columns": columns,
         "tile_count": tile_count,
         "counts": counts,

@@ -12,6 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from clpeel.checks import Background, shades_of
 from clpeel.device.program import Arguments
+from clpeel.device.samples import Pattern
 from clpeel.device.workspace import Workspace
 from clpeel.pictures.background import rows_of
 
@@ -101,15 +102,15 @@ class Picture:
         """Whether nobody else refers to its arrays or to a view of them. Only then may it be drawn over."""
         return self._references() == self._own_references
 
-    def begin(self, side: int, background: Background | None) -> Arguments:
+    def begin(self, pattern: Pattern, background: Background | None) -> Arguments:
         """The arguments of a kernel that composites tiles into the picture (composite.h).
 
-        side: a pixel is the mean of side x side samples; a power of two. background: None for straight alpha.
+        pattern: a pixel is the mean of so many samples. background: None for straight alpha.
         """
         rows = None if background is None else self._rows(background)
         self._clamped = self.gpu.put("clamped", np.zeros(1, np.uint32))
         return {
-            "side_bits": side.bit_length() - 1,
+            "side_bits": pattern.side_bits,
             "background": rows,
             "gradient": rows is not None and rows.size > ROW_BYTES,
             "clamped": self._clamped,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clpeel.device.layout import SUBPIXELS
 from clpeel.device.records import LAMP, LIGHTING
+from clpeel.device.samples import Pattern
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import AmbientLight, DirectionalLight, Lamp, PointLight, SpotLight
 from clpeel.scene.scene import Positions
@@ -27,11 +28,13 @@ def packed_lights(
     grid: Positions,
     clipping: tuple[float, float],
     height: int,
+    pattern: Pattern,
 ) -> NDArray[np.uint8]:
     """Return LIGHTING and, behind it, the LAMPs, as bytes.
 
     intensity: what all lights are multiplied with. grid: how positions are stored. clipping: view distances of the near
-    and the far plane of depths, in scene units. height: of the picture, in samples.
+    and the far plane of depths, in scene units. height: of the picture, in samples. pattern: of
+    its samples.
     """
     header = np.zeros(1, LIGHTING)
     found = header[0]
@@ -40,7 +43,8 @@ def packed_lights(
     found["right"], found["up"], found["back"] = axes
     half = math.tan(math.radians(camera.view_angle) / 2)
     across = half * camera.distance * grid.scale if camera.orthographic else half
-    found["ray"] = across * 2 / (height * SUBPIXELS)
+    down = across * 2 / (height * SUBPIXELS)
+    found["ray"] = down * pattern.rows / pattern.columns, down
     near, far = clipping[0] * grid.scale, clipping[1] * grid.scale
     found["near"], found["far"], found["span"], found["perspective"] = near, far, far - near, not camera.orthographic
     around = [light for light in lights if isinstance(light, AmbientLight)]

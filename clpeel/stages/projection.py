@@ -21,6 +21,7 @@ from clpeel.device.layout import (
 )
 from clpeel.device.program import Arguments, Kernel, cut, launch, program
 from clpeel.device.records import TRIANGLE, VERTEX
+from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.device.workspace import Workspace
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import Lamp
@@ -120,19 +121,24 @@ class Lit:
 class View:
     """A camera as kernel arguments.
 
-    points: arguments of kernels that project points. size: arguments of kernels that use the picture's size. clipping,
-    window: as in Triangles.
+    points: arguments of kernels that project points. grid: arguments of kernels that use the picture's size and where
+    samples lie. clipping, window: as in Triangles.
     """
 
     points: Arguments
-    size: Arguments
+    grid: Arguments
     perspective: bool
     clipping: tuple[float, float]
     window: tuple[float, float]
 
 
 def view_of(
-    gpu: Workspace, scene: DeviceScene, camera: Camera, size: tuple[int, int], depth_format: DepthFormat
+    gpu: Workspace,
+    scene: DeviceScene,
+    camera: Camera,
+    size: tuple[int, int],
+    depth_format: DepthFormat,
+    pattern: Pattern,
 ) -> View:
     """Puts the camera's matrix on the device, with the depths of its near and far planes."""
     # Window depths depend on the range that the user gave. So for these formats the range is drawn in to the scene only
@@ -140,7 +146,7 @@ def view_of(
     reversed_depths = depth_format == DEPTH_FORMATS[FLOAT32_REVERSED]
     host = scene.scene
     clipping = camera.depth_range(host) if reversed_depths else camera.depth_range(host, LEAST_WINDOW_SHARE)
-    matrix, depth_near, depth_far = matrix_of(camera, scene.grid.origin, scene.grid.scale, clipping, size)
+    matrix, depth_near, depth_far = matrix_of(camera, scene.grid.origin, scene.grid.scale, clipping, size, pattern)
     points = {
         "positions": scene.positions,
         "low_positions": scene.low_positions,
@@ -148,9 +154,8 @@ def view_of(
         "depth_near": depth_near,
         "depth_far": depth_far,
     }
-    return View(
-        points, {"width": size[0], "height": size[1]}, not camera.orthographic, clipping, camera.fitted_range(host)
-    )
+    grid: Arguments = {"width": size[0], "height": size[1], "pattern": pattern.word}
+    return View(points, grid, not camera.orthographic, clipping, camera.fitted_range(host))
 
 
 def project(
@@ -165,6 +170,7 @@ def project(
     backfaces: str = "default",
     probes: int = 1,
     lit: Lit | None = None,
+    pattern: Pattern = PATTERNS[1],
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height), in samples.
 
@@ -172,7 +178,7 @@ def project(
     without it all faces count as transparent. depth_format: one of DEPTH_FORMATS, how fragments keep their depths.
     backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", which draws all that are
     not single-sided. probes: the most samples of a texture along a pixel's longer side. lit: by what lights, if the
-    scene was uploaded for lights.
+    scene was uploaded for lights. pattern: where a pixel's samples lie.
     """
     surfaces = scene.surfaces if opaque_first else "transparent"
     features = Features(
@@ -191,8 +197,9 @@ def project(
         hiding=scene.shading.hiding and surfaces == "mixed",
         levels=scene.shading.levels,
         probes=probes if scene.shading.levels else 1,
+        pattern=pattern.word,
     )
-    view = view_of(gpu, scene, camera, size, depth_format)
+    view = view_of(gpu, scene, camera, size, depth_format, pattern)
     vertices = _project_vertices(gpu, scene, view, features)
     corners: Arguments = {"faces": scene.faces, "vertex_count": len(scene.scene.vertices), "vertices": vertices}
     sides: Arguments = {
@@ -204,7 +211,7 @@ def project(
     direction = camera.axes()[2]
     lighting = None
     if lit is not None:
-        packed = packed_lights(lit.lights, lit.intensity, camera, scene.grid, view.clipping, size[1])
+        packed = packed_lights(lit.lights, lit.intensity, camera, scene.grid, view.clipping, size[1], pattern)
         lighting = gpu.put("lighting", packed)
     return Triangles(
         scene=scene,
@@ -289,7 +296,7 @@ def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Fe
         packed=scene.packed_color or scene.opaque_faces is not None,
         states=states,
         **corners,
-        **view.size,
+        **view.grid,
     )
     chunk_faces, chunks = cut(gpu, face_count)
     sifted = {"states": states, "face_count": face_count, "chunk_faces": chunk_faces}
@@ -345,7 +352,7 @@ def _set_up(
         **corners,
         perspective=view.perspective,
         **lists.arguments,
-        **view.size,
+        **view.grid,
         **outputs,
     )
     if lists.clipped_count:
@@ -362,7 +369,7 @@ def _set_up(
             **sides,
             **lists.arguments,
             **view.points,
-            **view.size,
+            **view.grid,
             **outputs,
         )
     return outputs
@@ -374,14 +381,16 @@ def matrix_of(
     scale: float,
     clipping: tuple[float, float],
     size: tuple[int, int],
+    pattern: Pattern = PATTERNS[1],
 ) -> tuple[NDArray[np.float32], float, float]:
     """The kernels' matrix for positions (v - scene_origin) * scale, and the depths of the near and far planes.
 
     The matrix is float32 [4, 2, 4]: the rows x, y, z, w of clip space (projection.cl), each as high and low parts. x
     and y are in subpixels times w, from the image's centre, y down. z / w is the reversed depth, 1 at the near plane.
-    The depths of the planes include PLANE_SLACK.
+    The depths of the planes include PLANE_SLACK. size: in samples, of which a pixel has `pattern`.
     """
     _, height = size
+    across = pattern.columns / pattern.rows  # samples in a pixel's width, for each in its height
     near, far = (value * scale for value in clipping)
     eye = (np.asarray(camera.position, np.float64) - scene_origin) * scale
     right, up, forward = camera.axes()
@@ -393,11 +402,11 @@ def matrix_of(
     if camera.orthographic:
         per_unit = SUBPIXELS * height / 2 / (half * camera.distance * scale)
         depth = row(forward, -1 / (far - near), far / (far - near))
-        matrix = [row(right, per_unit), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
+        matrix = [row(right, per_unit * across), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
         depth_far = -PLANE_SLACK
     else:
         per_unit = SUBPIXELS * height / 2 / half
-        matrix = [row(right, per_unit), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
+        matrix = [row(right, per_unit * across), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
         depth_far = near / far * (1 - PLANE_SLACK)
     exact = np.array(matrix, np.float64)
     high = exact.astype(np.float32)

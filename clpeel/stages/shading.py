@@ -113,7 +113,7 @@ def material_table(scene: Scene, packed: Packed) -> NDArray[np.void]:
         row["flags"] |= layout.ROUTED_BY_TEXELS if place in routed else 0
         row["flags"] |= layout.HIDES if place in hiding else 0
         if material.texture is not None:
-            _put_sampling(row["base"], material.texture, False, packed)
+            _put_mapping(row["base"], material.texture, False, packed)
         if packed.lights:
             _put_finish(row, material, packed, len(scene.vertices))
     return table
@@ -130,7 +130,7 @@ def _put_finish(row: np.void, material: Material, packed: Packed, vertex_count: 
     for name, numbers in MAPS.items() if material.has_maps else ():
         texture = getattr(finish, f"{name}_texture")
         if texture is not None:
-            _put_sampling(row[f"{name}_map"], texture, numbers, packed)
+            _put_mapping(row[f"{name}_map"], texture, numbers, packed)
             row[f"{name}_map"]["uv"] = getattr(finish, f"{name}_uv") * vertex_count
             row[f"{name}_map"]["tangents"] = vertex_count
 
@@ -146,8 +146,8 @@ def _flags(material: Material) -> int:
     return flags
 
 
-def _put_sampling(row: np.void, texture: Texture, numbers: bool, packed: Packed) -> None:
-    """Fill in a SAMPLING. numbers: whether the texels are numbers instead of colours."""
+def _put_mapping(row: np.void, texture: Texture, numbers: bool, packed: Packed) -> None:
+    """Fill in a MAPPING. numbers: whether the texels are numbers instead of colours."""
     flags = layout.NUMBERS if numbers else 0
     flags |= layout.FLOAT_TEXELS if packed.floats or texture.image.dtype != np.uint8 else 0
     for wrap, mirror, clamp in zip(

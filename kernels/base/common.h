@@ -324,10 +324,69 @@ INLINE void add_long(volatile global uint *total, ulong value)
 #define UNIT_OF(byte) ((byte) * 0x1.01p-8f + (byte) * 0x1.0101020p-24f)
 
 // --- the sample grid, in subpixels from the image's centre ---------------------------------------------------------
-#define SAMPLE_AT(pixel, side) ((pixel) * SUBPIXELS + (SUBPIXELS / 2 - (side) * (SUBPIXELS / 2)))
+// A pixel here is one sample, and a pattern says where in it that lies (clpeel/device/samples.py). It is the same for all
+// blocks: by the sample's row in its block so many quarters of a pixel right, and by its column so many down, from a
+// place that all have in common. That is as far from the pixel's upper left corner as no sample comes nearer to any
+// side. In a pattern's word are, from the lowest bits on: the quarters right of each of four rows, two bits each; the
+// quarters down of each of four columns; and the place's distance from the left side, then from the top, a byte each.
+// PATTERN: that of kernels which make fragments. Others are built once for all patterns, and have it as an argument.
+#ifndef PATTERN
+#define PATTERN REGULAR
+#endif
+#define QUARTERS_RIGHT(pattern, row) ((int)((pattern) >> 2 * ((row) & 3)) & 3)
+#define QUARTERS_DOWN(pattern, column) ((int)((pattern) >> 8 >> 2 * ((column) & 3)) & 3)
+#define FIRST_X(pattern) ((int)((pattern) >> 16) & 255)
+#define FIRST_Y(pattern) ((int)((pattern) >> 24) & 255)
 
-// The first pixel whose sample lies at or right of (below) the coordinate, and the last one at or left of (above) it.
-#define FIRST_PIXEL_FROM(coordinate, side) (((coordinate) + ((side) * (SUBPIXELS / 2) + SUBPIXELS / 2 - 1)) >> SUBPIXEL_BITS)
-#define LAST_PIXEL_TO(coordinate, side) (((coordinate) + ((side) * (SUBPIXELS / 2) - SUBPIXELS / 2)) >> SUBPIXEL_BITS)
+// Where the samples' common place lies in a pixel of this column (or row). first: FIRST_X (or FIRST_Y) of the pattern.
+// side: the image's width (or height).
+#define PLACE_AT(pixel, side, first) ((pixel) * SUBPIXELS + ((first) - (side) * (SUBPIXELS / 2)))
+
+// The sample of a pixel.
+#define SAMPLE_X(column, row, width, pattern)                                                                   \
+    (PLACE_AT(column, width, FIRST_X(pattern)) + QUARTERS_RIGHT(pattern, row) * (SUBPIXELS / 4))
+#define SAMPLE_Y(column, row, height, pattern)                                                                  \
+    (PLACE_AT(row, height, FIRST_Y(pattern)) + QUARTERS_DOWN(pattern, column) * (SUBPIXELS / 4))
+
+// The first pixel that may have its sample at or right of (below) the coordinate, and the last one that may have it at or
+// left of (above) it.
+#define FIRST_PIXEL_FROM(coordinate, side, first) (((coordinate) + ((side) * (SUBPIXELS / 2) + (first) - 1)) >> SUBPIXEL_BITS)
+#define LAST_PIXEL_TO(coordinate, side, first) (((coordinate) + ((side) * (SUBPIXELS / 2) - (first))) >> SUBPIXEL_BITS)
+
+// Samples lie whole steps apart: STEP subpixels, of which a pixel has PIXEL_STEPS on its side.
+#define PATTERNED (PATTERN != REGULAR)
+#if PATTERNED
+#define STEP_BITS PATTERN_STEP_BITS
+#else
+#define STEP_BITS SUBPIXEL_BITS
+#endif
+#define STEP (1 << STEP_BITS)
+#define PIXEL_STEPS (SUBPIXELS / STEP)
+
+// --- pixels of the picture, where samples lie in a pattern ----------------------------------------------------------
+// Each has SHOWN_COLUMNS x SHOWN_ROWS samples of a block.
+#if PATTERNED
+#define SHOWN_COLUMNS (SUBPIXELS / 2 / FIRST_Y(PATTERN))
+#define SHOWN_ROWS (SUBPIXELS / 2 / FIRST_X(PATTERN))
+
+// Samples of a block, a bit each: the upper left ones of all its pixels of the picture, and all of its first such pixel.
+#define CORNERS ((SHOWN_COLUMNS == 2 ? 5u : 1u) * (SHOWN_ROWS == 2 ? 0x101u : 1u))
+#define FIRST_SHOWN (((1u << SHOWN_COLUMNS) - 1) * (0x1111u & ((1u << SHOWN_ROWS * BLOCK) - 1)))
+
+// The upper left samples of all pixels of the picture that have one of these samples.
+INLINE uint corners_of(uint samples)
+{
+    UNROLL for (int k = 1; k < SHOWN_COLUMNS; k *= 2) samples |= samples >> k;
+    UNROLL for (int k = 1; k < SHOWN_ROWS; k *= 2) samples |= samples >> k * BLOCK;
+    return samples & CORNERS;
+}
+
+// How far the centre of the picture's pixel lies from the first sample of the block, in half steps right and down. column,
+// row: of a sample of that pixel in the block; numbers or vectors.
+#define CENTRE_X(column) (((column) & -SHOWN_COLUMNS) * (2 * PIXEL_STEPS) + (SHOWN_COLUMNS * SUBPIXELS / 2 - FIRST_X(PATTERN)) * 2 / STEP)
+#define CENTRE_Y(row)                                                                                           \
+    (((row) & -SHOWN_ROWS) * (2 * PIXEL_STEPS) +                                                                \
+     (SHOWN_ROWS * SUBPIXELS / 2 - FIRST_Y(PATTERN)) * 2 / STEP - 2 * QUARTERS_DOWN(PATTERN, 0))
+#endif
 
 #endif

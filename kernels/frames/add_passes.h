@@ -79,8 +79,8 @@ kernel void merge_sums(Screen screen, uint first_tile, global const Colors *sums
     atomic_max(&deepest, most);
     BARRIER;
     if (LANE == 0) tile_layers[tile] = deepest;
-    uint beyond_one = composite_tile(layer, screen.first_tile + first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                                     screen.height >> side_bits, background, gradient, image, color);
+    uint beyond_one = composite_tile(layer, screen.first_tile + first_tile + tile, screen.columns, side_bits, screen.width,
+                                     screen.height, background, gradient, image, color);
     if (beyond_one) atomic_add(clamped, beyond_one);
 }
 

@@ -178,12 +178,12 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         atomic_add(totals + PEEL_OPAQUE, solid);
         BARRIER;
         for (int k = lane; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];
-        uint beyond_one = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                                         screen.height >> side_bits, background, gradient, image, color);
+        uint beyond_one = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width,
+                                         screen.height, background, gradient, image, color);
         if (beyond_one) atomic_add(clamped, beyond_one);
 #if VALUES
-        store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                         screen.height >> side_bits, values);
+        store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width,
+                         screen.height, values);
 #endif
         if (lane == 0) add_long(pass_totals + 4 * most_passes, TICKS() - entered);
         BARRIER;

@@ -184,12 +184,12 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         BARRIER;
         if (empty && lane == 0) tile_totals[tile] = (uint4)(0, 0, solid, 0);
         if (wanted && deepest + LIST_GAP <= slab) {
-            uint beyond = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                                         screen.height >> side_bits, background, gradient, image, color);
+            uint beyond = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width,
+                                         screen.height, background, gradient, image, color);
             if (beyond) atomic_add(clamped, beyond);
 #if VALUES
-            store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                         screen.height >> side_bits, values);
+            store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width,
+                         screen.height, values);
 #endif
         }
         BARRIER;

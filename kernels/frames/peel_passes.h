@@ -279,12 +279,12 @@ kernel void merge_layers(Screen screen, uint first_tile, uint strips, uint plane
     BARRIER;
     for (int k = LANE; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];
     uint beyond_one = composite_tile(layer, screen.first_tile + first_tile + tile, screen.columns, side_bits,
-                                     screen.width >> side_bits, screen.height >> side_bits, background, gradient,
+                                     screen.width, screen.height, background, gradient,
                                      image, color);
     if (beyond_one) atomic_add(clamped, beyond_one);
 #if VALUES
-    store_values(found, screen.first_tile + first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                 screen.height >> side_bits, values);
+    store_values(found, screen.first_tile + first_tile + tile, screen.columns, side_bits, screen.width,
+                 screen.height, values);
 #endif
 }
 

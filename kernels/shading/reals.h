@@ -46,13 +46,23 @@ typedef uint8 Words;
 #define FIRST_BITS(count) ((1u << (count)) - 1)
 #define SHADED_BITS FIRST_BITS(SHADED)
 
-// Columns and rows of SHADED pixels, relative to the first.
+// Columns and rows of SHADED pixels, relative to the first. SHADED_X, SHADED_Y: how many steps their samples lie right
+// of the first one's, and below it.
 #if SHADED == 16
 #define SHADED_COLUMNS (int16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3)
 #define SHADED_ROWS (int16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3)
 #elif SHADED == 8
 #define SHADED_COLUMNS (int8)(0, 1, 2, 3, 0, 1, 2, 3)
 #define SHADED_ROWS (int8)(0, 0, 0, 0, 1, 1, 1, 1)
+#endif
+#if PATTERNED
+#define SHADED_QUARTERS(quarters, numbers) ((Wholes)((quarters) & 255) >> (numbers) * 2 & (Wholes)(3))
+#define SHADED_X (SHADED_COLUMNS * PIXEL_STEPS + SHADED_QUARTERS(PATTERN, SHADED_ROWS))
+#define SHADED_Y                                                                                                \
+    (SHADED_ROWS * PIXEL_STEPS + SHADED_QUARTERS(PATTERN >> 8, SHADED_COLUMNS) - QUARTERS_DOWN(PATTERN, 0))
+#else
+#define SHADED_X SHADED_COLUMNS
+#define SHADED_Y SHADED_ROWS
 #endif
 
 INLINE Reals square_root(Reals value)

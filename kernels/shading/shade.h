@@ -43,22 +43,50 @@ INLINE void weights_at(global const Triangle *t, int x, int y, Reals weight[3])
     for (int k = 0; k < 3; ++k) {
         int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
         int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
-        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> SUBPIXEL_BITS;
-        float rest = (float)((int)(e & (SUBPIXELS - 1)) + least);
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> STEP_BITS;
+        float rest = (float)((int)(e & (STEP - 1)) + least);
 #if SHADED == 1
-        weight[k] = (float)first * (float)SUBPIXELS + rest;
+        weight[k] = (float)first * (float)STEP + rest;
 #else
-        Wholes step = dx * SHADED_ROWS - dy * SHADED_COLUMNS;
-        if (t->flags & SMALL) weight[k] = TO_REALS((Wholes)((int)first) + step) * (float)SUBPIXELS + rest;
-        else weight[k] = TO_REALS((PASTE(long, SHADED))(first) + CONVERT(long, SHADED, step)) * (float)SUBPIXELS + rest;
+        Wholes step = dx * SHADED_Y - dy * SHADED_X;
+        if (t->flags & SMALL) weight[k] = TO_REALS((Wholes)((int)first) + step) * (float)STEP + rest;
+        else weight[k] = TO_REALS((PASTE(long, SHADED))(first) + CONVERT(long, SHADED, step)) * (float)STEP + rest;
 #endif
     }
 }
 
+#if PATTERNED
+// The same at the centres of the picture's pixels that SHADED pixels belong to: from number `pixel` of a block on. first:
+// F of the edge at the block's first sample (stages/walk.h). rest: rest + least.
+INLINE Reals weight_at_centre(long first, float rest, int dx, int dy, bool small, int pixel)
+{
+#if SHADED == 1
+    int step = dx * CENTRE_Y(pixel / BLOCK) - dy * CENTRE_X(pixel % BLOCK);
+    return (float)(2 * first + step) * (float)(STEP / 2) + rest;
+#else
+    Wholes step = dx * CENTRE_Y(SHADED_ROWS + pixel / BLOCK) - dy * CENTRE_X(SHADED_COLUMNS);
+    if (small) return TO_REALS((Wholes)(2 * (int)first) + step) * (float)(STEP / 2) + rest;
+    return TO_REALS((PASTE(long, SHADED))(2 * first) + CONVERT(long, SHADED, step)) * (float)(STEP / 2) + rest;
+#endif
+}
+
+// x, y: the block's first sample, in subpixels from the image's centre.
+INLINE void weights_at_centres(global const Triangle *t, int x, int y, int pixel, Reals weight[3])
+{
+    UNROLL for (int k = 0; k < 3; ++k) {
+        int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
+        int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least;
+        float rest = (float)(((int)e & (STEP - 1)) + least);
+        weight[k] = weight_at_centre(e >> STEP_BITS, rest, dx, dy, t->flags & SMALL, pixel);
+    }
+}
+#endif
+
 // --- a record's face ------------------------------------------------------------------------------------------------
 // What all fragments of a record have in common: weights as they are stored; the colours and normals of the face's
 // vertices, or its one colour; its material, or NULL; and the texture coordinates of its vertices. right, down: by how
-// much u, v and 1, times the unscaled shares, grow from pixel to pixel.
+// much u, v and 1, times the unscaled shares, grow from one place that is shaded to the next.
 typedef struct {
     float weight[9];
     float4 color[3];
@@ -69,8 +97,7 @@ typedef struct {
     float side;  // -1 if the face is seen from behind, else 1
 #endif
 #if POSITIONED
-    float depth[3];  // of the record's plane (stages/walk.h, keys_of), with the factor of its weights
-    float per_area;
+    float depth[3], depth_min, depth_max, per_area;  // of the record's plane (stages/walk.h, keys_of)
 #endif
 #if PAINTED
     bool opaque;  // whether the scene's alphas at its vertices are all 1
@@ -106,6 +133,17 @@ INLINE void growth_of(const float2 uv[3], float4 right, float4 down, float3 *to_
 }
 #endif
 
+// Whether a face is shaded at each sample. In a pattern it is shaded once for each of the picture's pixels, at the pixel's
+// centre, unless its texels say which of its samples are there.
+INLINE bool shades_samples(const Face *f)
+{
+#if PATTERNED && ROUTED
+    return f->material && f->material->flags & ROUTED_BY_TEXELS;
+#else
+    return !PATTERNED;
+#endif
+}
+
 INLINE void face_of(global const Triangle *t, uint record, const Shading *shading, Face *f)
 {
     uint source = t->source;
@@ -126,7 +164,7 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 #endif
 #if POSITIONED
     UNROLL for (int k = 0; k < 3; ++k) f->depth[k] = t->depth[k];
-    f->per_area = t->inverse_area;
+    f->depth_min = t->depth_min, f->depth_max = t->depth_max, f->per_area = t->inverse_area;
 #endif
 #if PAINTED
 #if MAPS
@@ -150,6 +188,9 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
         float4 part = (float4)(f->weight[3 * c], f->weight[3 * c + 1], f->weight[3 * c + 2], 0.0f) * (float)SUBPIXELS;
         right -= (float)(t->y[b] - t->y[a]) * part, down += (float)(t->x[b] - t->x[a]) * part;
     }
+#if PATTERNED
+    if (!shades_samples(f)) right *= (float)SHOWN_COLUMNS, down *= (float)SHOWN_ROWS;
+#endif
 #if MAPS
     f->share_right = right, f->share_down = down;
 #endif
@@ -195,20 +236,57 @@ INLINE void place_on_face(const Reals weight[3], const Face *f, OnFace *place)
     UNROLL for (int j = 0; j < 3; ++j) {
         place->share[j] = (Reals)(0.0f);
         UNROLL for (int c = 0; c < 3; ++c) place->share[j] += weight[c] * f->weight[3 * c + j];
-        // Snapping moves corners by up to 1/512 pixel, so a weight can be slightly negative. Clamping it keeps the
-        // colour within the colours of the corners.
+        // Snapping moves corners by up to 1/512 pixel, so a weight can be slightly negative. So can it at the centre of a
+        // pixel that the face covers in part. Clamping it keeps the colour within the colours of the corners.
         place->share[j] = MAX(place->share[j], (Reals)(0.0f));
     }
-    place->scale = 1.0f / (place->share[0] + place->share[1] + place->share[2]);
+    Reals sum = place->share[0] + place->share[1] + place->share[2];
+    if (PATTERNED) sum = MAX(sum, (Reals)(0x1p-120f));  // beside a face that is seen from its edge all may be negative
+    place->scale = 1.0f / sum;
     UNROLL for (int j = 0; j < 3; ++j) place->share[j] *= place->scale;
 #if POSITIONED
     place->depth = f->depth[0] + (weight[1] * f->depth[1] + weight[2] * f->depth[2]) * f->per_area;
+    place->depth = MAX(place->depth, (Reals)(f->depth_min)), place->depth = MIN(place->depth, (Reals)(f->depth_max));
 #endif
 }
 
+// Where SHADED pixels are seen, right and down from the image's centre, in subpixels. Only lights need to know.
+typedef struct { Reals x, y; } Sight;
+
+// From number `pixel` of a block on, at their samples, or at the centres of the picture's pixels that have them
+// (shades_samples). column, row: the block's first pixel.
+INLINE Sight sight_of(bool samples, int column, int row, int pixel, int width, int height)
+{
+    Sight sight;
+#if !LIGHTS
+    sight.x = sight.y = (Reals)(0.0f);
+#else
+#if PATTERNED
+    if (!samples) {
+        int x = SAMPLE_X(column, row, width, PATTERN), y = SAMPLE_Y(column, row, height, PATTERN);
+#if SHADED == 1
+        sight.x = (float)(x + CENTRE_X(pixel % BLOCK) * STEP / 2), sight.y = (float)(y + CENTRE_Y(pixel / BLOCK) * STEP / 2);
+#else
+        sight.x = TO_REALS(x + CENTRE_X(SHADED_COLUMNS) * STEP / 2);
+        sight.y = TO_REALS(y + CENTRE_Y(SHADED_ROWS + pixel / BLOCK) * STEP / 2);
+#endif
+        return sight;
+    }
+#endif
+    column += pixel % BLOCK, row += pixel / BLOCK;
+    int x = SAMPLE_X(column, row, width, PATTERN), y = SAMPLE_Y(column, row, height, PATTERN);
+#if SHADED == 1
+    sight.x = (float)x, sight.y = (float)y;
+#else
+    sight.x = TO_REALS(x + SHADED_X * STEP), sight.y = TO_REALS(y + SHADED_Y * STEP);
+#endif
+#endif
+    return sight;
+}
+
 #if LIGHTS
-// What light falls on there. x, y: the first pixel's sample, in subpixels from the image's centre.
-INLINE void surface_of(const Face *f, const OnFace *place, global const Lighting *lighting, int x, int y, Surface *s)
+// What light falls on there.
+INLINE void surface_of(const Face *f, const OnFace *place, global const Lighting *lighting, const Sight *sight, Surface *s)
 {
     Reals a = place->share[0], b = place->share[1], c = place->share[2], n[3];
     n[0] = a * f->normal[0].x + b * f->normal[1].x + c * f->normal[2].x;
@@ -217,12 +295,7 @@ INLINE void surface_of(const Face *f, const OnFace *place, global const Lighting
     global const float *axes = lighting->right;  // then up, and back
     UNROLL for (int j = 0; j < 3; ++j)
         s->normal[j] = f->side * (n[0] * axes[3 * j] + n[1] * axes[3 * j + 1] + n[2] * axes[3 * j + 2]);
-#if SHADED == 1
-    s->ray[0] = (float)x * lighting->ray, s->ray[1] = (float)y * lighting->ray;
-#else
-    s->ray[0] = TO_REALS(x + SHADED_COLUMNS * SUBPIXELS) * lighting->ray;
-    s->ray[1] = TO_REALS(y + SHADED_ROWS * SUBPIXELS) * lighting->ray;
-#endif
+    s->ray[0] = sight->x * lighting->ray[0], s->ray[1] = sight->y * lighting->ray[1];
 #if POSITIONED
     s->distance = lighting->perspective ? lighting->near / place->depth : lighting->far - place->depth * lighting->span;
 #endif
@@ -230,9 +303,10 @@ INLINE void surface_of(const Face *f, const OnFace *place, global const Lighting
 #endif
 
 #if PAINTED
-// Where a texture is sampled there, if the vertices have these coordinates. to_right, to_down: see growth_of. The texture coordinates of vertex j, divided by w, are linear over the
-// screen. So they grow from pixel to pixel as the shares do, less what the sum of shares grows by.
-INLINE void spot_on(const OnFace *place, const float2 uv[3], float3 to_right, float3 to_down, global const Sampling *texture,
+// Where a texture is sampled there, if the vertices have these coordinates. to_right, to_down: see growth_of. The
+// coordinates of vertex j, divided by w, are linear over the screen. So they grow from pixel to pixel as the shares do,
+// less what the sum of shares grows by.
+INLINE void spot_on(const OnFace *place, const float2 uv[3], float3 to_right, float3 to_down, global const Mapping *texture,
                     Spot *spot)
 {
     spot->u = place->share[0] * uv[0].x + place->share[1] * uv[1].x + place->share[2] * uv[2].x;
@@ -274,12 +348,12 @@ typedef Surface Light;
 typedef Reals Light;
 #endif
 
-// view: the direction that the camera looks in, of length 1. x, y: the first pixel's sample, in subpixels from the centre.
-INLINE Light light_on(const Face *f, const OnFace *place, const Shading *shading, float3 view, int x, int y)
+// view: the direction that the camera looks in, of length 1. sight: where the pixels are.
+INLINE Light light_on(const Face *f, const OnFace *place, const Shading *shading, float3 view, const Sight *sight)
 {
 #if LIGHTS
     Surface s;
-    surface_of(f, place, shading->lighting, x, y, &s);
+    surface_of(f, place, shading->lighting, sight, &s);
     return s;
 #elif HEADLIGHT
 #if MATERIALS
@@ -526,7 +600,7 @@ INLINE Reals compact(Reals value, uint bits)
 }
 
 // A map at the pixels of these bits, side by side, `count` of them: its four channels. uv: of the face's vertices there.
-INLINE void sample_map(const Face *f, const OnFace *place, const Shading *shading, global const Sampling *map, uint bits,
+INLINE void sample_map(const Face *f, const OnFace *place, const Shading *shading, global const Mapping *map, uint bits,
                        int count, float2 uv[3], Reals channels[4])
 {
     global const float2 *all = (global const float2 *)shading->uv + map->uv;
@@ -554,7 +628,7 @@ INLINE void sample_map(const Face *f, const OnFace *place, const Shading *shadin
 // bitangent, against which v grows; and along the normal.
 INLINE void bend_normals(const Face *f, const OnFace *place, const Shading *shading, uint bits, int count, Surface *s)
 {
-    global const Sampling *map = &f->material->normal_map;
+    global const Mapping *map = &f->material->normal_map;
     float2 uv[3];
     Reals texel[4];
     sample_map(f, place, shading, map, bits, count, uv, texel);
@@ -608,11 +682,11 @@ INLINE void map_surface(const Face *f, const OnFace *place, const Shading *shadi
 #endif
 
 // Colours of a face at SHADED pixels, of which those in `bits` are wanted. Returns which of these are there: where
-// texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side. x, y: see light_on.
-INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, float3 view, int x, int y, uint bits,
+// texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side.
+INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, float3 view, const Sight *sight, uint bits,
                   float4 colors[SHADED])
 {
-    Light light = light_on(f, place, shading, view, x, y);
+    Light light = light_on(f, place, shading, view, sight);
 #if PAINTED
     if (f->material) {
         Waiting waiting;

@@ -38,7 +38,7 @@ typedef struct { Words upper, lower; Reals down, right; } Taps;
 
 // The four texels around (u, v) of each pixel's level, by distance. Where `linear` is 0, it is no way from the nearest one
 // to the others, so that it is what their mean is.
-INLINE void taps_of(global const Sampling *m, global const uint *starts, Reals u, Reals v, Wholes level, Wholes linear,
+INLINE void taps_of(global const Mapping *m, global const uint *starts, Reals u, Reals v, Wholes level, Wholes linear,
                     Taps *taps)
 {
     uint flags = m->flags;
@@ -122,7 +122,7 @@ INLINE Reals log2_of(Reals value)
 }
 
 // The image at (u, v), by level of detail: level 0 where `detail` is 0 or less. count: how many pixels are wanted.
-INLINE void sample_detail(global const uint *textures, global const Sampling *m, Reals u, Reals v, Reals detail, int count,
+INLINE void sample_detail(global const uint *textures, global const Mapping *m, Reals u, Reals v, Reals detail, int count,
                           Part found[PARTS])
 {
     const Reals zero = (Reals)(0.0f);
@@ -174,7 +174,7 @@ typedef struct {
 #if LEVELS
 // Finds how far a pixel reaches, and its probes. u_x, v_x: by how much u and v grow from pixel to pixel to the right; u_y,
 // v_y: down.
-INLINE void reach_of(global const Sampling *m, Reals u_x, Reals v_x, Reals u_y, Reals v_y, Spot *spot)
+INLINE void reach_of(global const Mapping *m, Reals u_x, Reals v_x, Reals u_y, Reals v_y, Spot *spot)
 {
     float width = m->width, height = m->height;
     Reals across = u_x * width, down = v_x * height, x2 = across * across + down * down;
@@ -193,7 +193,7 @@ INLINE void reach_of(global const Sampling *m, Reals u_x, Reals v_x, Reals u_y, 
 #endif
 
 // The texture of a material at the first `count` pixels. PROBES: the most probes of a pixel.
-INLINE void sample_texture(global const uint *textures, global const Sampling *m, const Spot *spot, int count, Part found[PARTS])
+INLINE void sample_texture(global const uint *textures, global const Mapping *m, const Spot *spot, int count, Part found[PARTS])
 {
 #if LEVELS
     Reals detail = 0.5f * log2_of(spot->across2);

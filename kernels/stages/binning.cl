@@ -10,15 +10,16 @@
 
 // Whether a sample of the tile may lie inside: no edge has all samples of the tile on its outer side. column, row: of
 // tiles.
-INLINE bool meets_tile(global const Triangle *t, int column, int row, int width, int height)
+INLINE bool meets_tile(global const Triangle *t, int column, int row, int width, int height, uint pattern)
 {
-    int x0 = SAMPLE_AT(column * TILE, width), x1 = x0 + (TILE - 1) * SUBPIXELS;
-    int y0 = SAMPLE_AT(row * TILE, height), y1 = y0 + (TILE - 1) * SUBPIXELS;
+    // The box of all places in the tile where samples lie in the pattern.
+    int x0 = PLACE_AT(column * TILE, width, FIRST_X(pattern)), x1 = x0 + TILE * SUBPIXELS - 2 * FIRST_X(pattern);
+    int y0 = PLACE_AT(row * TILE, height, FIRST_Y(pattern)), y1 = y0 + TILE * SUBPIXELS - 2 * FIRST_Y(pattern);
     for (int a = 0; a < 3; ++a) {
         int b = a < 2 ? a + 1 : 0;
         int dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
-        // E grows with y where dx > 0 and falls with x where dy > 0. So this is the tile's sample farthest inside of
-        // the edge.
+        // E grows with y where dx > 0 and falls with x where dy > 0. So this is the box's corner farthest inside
+        // of the edge.
         int x = dy > 0 ? x0 : x1, y = dx > 0 ? y1 : y0;
         if ((long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) < 0) return false;
     }
@@ -50,7 +51,7 @@ INLINE bool meets_tile(global const Triangle *t, int column, int row, int width,
             }                                                                                                   \
             for (int row = MAX((int)box.z, first_row); row <= MIN((int)box.w, last_row); ++row)                 \
                 for (int column = box.x; column <= box.y; ++column) {                                           \
-                    if (!meets_tile(triangles + record, column, row, width, height)) continue;                  \
+                    if (!meets_tile(triangles + record, column, row, width, height, pattern)) continue;                  \
                     uint tile = row * columns + column, present = 1;                                            \
                     BODY                                                                                        \
                 }                                                                                               \
@@ -61,7 +62,7 @@ INLINE bool meets_tile(global const Triangle *t, int column, int row, int width,
 #define COUNTS_APART (tile_count + columns + 1)
 
 kernel void bin_count(global const Triangle *triangles, global const ushort4 *bounds, uint record_count, uint chunk_records,
-                      int width, int height, int columns, int first_row, int last_row, uint tile_count,
+                      int width, int height, uint pattern, int columns, int first_row, int last_row, uint tile_count,
                       global uint *counts)
 {
     uint chunk = get_global_id(0);
@@ -88,7 +89,7 @@ kernel void bin_offsets(uint chunk_count, int columns, uint tile_count, global u
 // pair_start[tile - first_tile]: where the tile's list begins in `pairs`. What is not wanted is written too, so that
 // no branch is needed. It goes behind the last list, where each chunk has a cache line of its own.
 kernel void bin_emit(global const Triangle *triangles, global const ushort4 *bounds, uint record_count, uint chunk_records,
-                     int width, int height, int columns, int first_row, int last_row, uint tile_count,
+                     int width, int height, uint pattern, int columns, int first_row, int last_row, uint tile_count,
                      uint first_tile, uint last_tile, global const uint *pair_start, global uint *counts,
                      global uint *pairs)
 {

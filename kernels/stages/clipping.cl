@@ -87,7 +87,7 @@ static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRang
 kernel void clip_triangles(global const uint *clipped, uint clipped_count, global const uint *listed, uint listed_count,
                            uint opaque_count, global const uint *faces, global const float *positions,
                            global const float *low_positions, global const float *matrix, float depth_near, float depth_far,
-                           int width, int height, int perspective, global const uchar *single_sided, int all_single_sided,
+                           int width, int height, uint pattern, int perspective, global const uchar *single_sided, int all_single_sided,
                            global Triangle *triangles, global ushort4 *bounds, global float *weights)
 {
     uint n = get_global_id(0);
@@ -117,7 +117,7 @@ kernel void clip_triangles(global const uint *clipped, uint clipped_count, globa
         Corner corner[3];
         for (int i = 0; i < 3; ++i) to_screen(&polygon[i == 0 ? 0 : k + i].at, corner + i);
         Arrangement arrangement;
-        make_triangles(corner, source, clipped[n] < opaque_count ? OPAQUE : 0, width, height, record, triangles, bounds, &arrangement);
+        make_triangles(corner, source, clipped[n] < opaque_count ? OPAQUE : 0, width, height, pattern, record, triangles, bounds, &arrangement);
         bool one_sided = all_single_sided || (single_sided && single_sided[source]);
         if (one_sided && triangles[record].flags & BACK_FACING) bounds[record] = (ushort4)(1, 0, 1, 0);
         if (!weights) continue;

@@ -2,7 +2,7 @@
 // picture.
 //
 // Over a background b a pixel becomes C + T b. Without one it becomes straight: colour C / (1 - T) and alpha 1 - T. A
-// pixel of the picture is the mean of side x side samples of the layer. `side` divides TILE, so these share a tile. In a
+// pixel of the picture is the mean of columns x rows samples of the layer. Both divide TILE, so these share a tile. In a
 // gradient b differs from row to row of the picture. The host computes it (pictures/background.py), so that it has the
 // same bits on every device.
 #ifndef COMPOSITE_H
@@ -19,15 +19,33 @@ INLINE VECTOR(uint) to_byte(VECTOR(float) value)
 
 #define CHANNEL(colors, name, place) (((local const float *)&(colors)[(place) / STRIP].name)[(place) % STRIP])
 
-// The mean of the side x side samples of the picture's pixel at this column and row of the tile.
-INLINE float4 mean_of(local const Colors *layer, uint column, uint row, uint side)
+// How the samples of a tile are those of the picture's pixels: the base 2 logarithms of a pixel's columns and rows of
+// samples, and of the tile's columns and rows of pixels.
+typedef struct { uint columns, rows, across, down; } Sampling;
+
+// side_bits: those of a pixel's columns, and of its rows from the 8th bit on.
+INLINE Sampling sampling_of(int side_bits)
+{
+    uint columns = side_bits & 255, rows = side_bits >> 8;
+    return (Sampling){columns, rows, TILE_BITS - columns, TILE_BITS - rows};
+}
+
+// Where sample k of the picture's pixel at this column and row of the tile is in the layer.
+INLINE uint sample_of(uint column, uint row, uint k, const Sampling *s)
+{
+    return pixel_at((column << s->columns) + (k & ((1u << s->columns) - 1)), (row << s->rows) + (k >> s->columns));
+}
+
+// The mean of the samples of the picture's pixel at this column and row of the tile.
+INLINE float4 mean_of(local const Colors *layer, uint column, uint row, const Sampling *s)
 {
     float4 sum = (float4)(0.0f);
-    PLAIN_LOOP for (uint k = 0; k < side * side; ++k) {
-        uint p = pixel_at(column * side + k % side, row * side + k / side);
+    uint count = 1u << (s->columns + s->rows);
+    PLAIN_LOOP for (uint k = 0; k < count; ++k) {
+        uint p = sample_of(column, row, k, s);
         sum += (float4)(CHANNEL(layer, red, p), CHANNEL(layer, green, p), CHANNEL(layer, blue, p), CHANNEL(layer, alpha, p));
     }
-    return sum / (float)(side * side);
+    return sum / (float)count;
 }
 
 // --- what a technique finds besides colours -------------------------------------------------------------------------
@@ -58,23 +76,24 @@ typedef Colors Found;
 #define NOTHING {(VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f), (VECTOR(float))(0.0f)}
 #endif
 
-// Writes these to the picture's pixels, as means of their samples.
+// Writes these to the picture's pixels, as means of their samples. width, height: of the picture, in samples.
 INLINE void store_values(local const Found *found, uint tile, int columns, int side_bits, int width, int height,
                          global float *values)
 {
-    uint bits = TILE_BITS - side_bits, side = 1u << side_bits;
-    uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
-    for (uint p = LANE_IN(tile); p < 1u << 2 * bits; p += LANES) {
-        uint column = p & ((1u << bits) - 1), row = p >> bits;
+    const Sampling sampling = sampling_of(side_bits), *s = &sampling;
+    uint left = tile % (uint)columns << s->across, top = tile / (uint)columns << s->down;
+    width >>= s->columns, height >>= s->rows;
+    for (uint p = LANE_IN(tile); p < 1u << (s->across + s->down); p += LANES) {
+        uint column = p & ((1u << s->across) - 1), row = p >> s->across;
         if (left + column >= (uint)width || top + row >= (uint)height) continue;
         size_t at = (size_t)(top + row) * width + left + column;
 #if BOUNDED
         float sum = 0.0f;
-        for (uint k = 0; k < side * side; ++k)
-            sum += ((local const float *)found)[pixel_at(column * side + k % side, row * side + k / side)];
-        values[at] = sum / (float)(side * side);
+        uint count = 1u << (s->columns + s->rows);
+        for (uint k = 0; k < count; ++k) sum += ((local const float *)found)[sample_of(column, row, k, s)];
+        values[at] = sum / (float)count;
 #else
-        ((global float4 *)values)[at] = mean_of(found, column, row, side);
+        ((global float4 *)values)[at] = mean_of(found, column, row, s);
 #endif
     }
 }
@@ -86,38 +105,40 @@ typedef uint4 RowBytes __attribute__((aligned(4)));
 typedef float16 RowColors __attribute__((aligned(16)));
 
 // The column and the row in its tile of pixel p of the picture: of a block where pixels are samples, else of the tile row
-// by row. bits: log2 of the tile's side in pixels.
-INLINE uint2 place_in_tile(uint p, uint side, uint bits)
+// by row.
+INLINE uint2 place_in_tile(uint p, const Sampling *s)
 {
     uint block = p / BLOCK_PIXELS;
-    if (side > 1) return (uint2)(p & ((1u << bits) - 1), p >> bits);
+    if (s->columns) return (uint2)(p & ((1u << s->across) - 1), p >> s->across);
     return (uint2)(block % BLOCKS_A_ROW * BLOCK + p % BLOCK, block / BLOCKS_A_ROW * BLOCK + p % BLOCK_PIXELS / BLOCK);
 }
 
-// tile: its number in the picture. layer: its strips. side_bits: log2 of `side`. width, height: of the picture, in
-// pixels. background: red, green and blue of each row of the picture; of all rows if `gradient` is 0; NULL for straight
+// tile: its number in the picture. layer: its strips. side_bits: see sampling_of. width, height: of the picture, in
+// samples. background: red, green and blue of each row of the picture; of all rows if `gradient` is 0; NULL for straight
 // alpha. color: premultiplied colours and alpha without the background, or NULL if nobody wants them. Returns how many of
 // the lane's pixels have a negative transmittance, so that their colours are clamped.
 INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height,
                            global const float4 *background, int gradient, global uint *image, global float4 *color)
 {
     const float4 first = background ? *background : (float4)(0.0f);
-    uint bits = TILE_BITS - side_bits, side = 1u << side_bits, clamped = 0;
-    uint left = tile % (uint)columns << bits, top = tile / (uint)columns << bits;
-    bool whole = side == 1 && left + TILE <= (uint)width && top + TILE <= (uint)height;
-    for (uint q = LANE_IN(tile) * STRIP; q < 1u << 2 * bits; q += LANES * STRIP) {
+    const Sampling sampling = sampling_of(side_bits), *s = &sampling;
+    uint clamped = 0, pixels = 1u << (s->across + s->down);
+    uint left = tile % (uint)columns << s->across, top = tile / (uint)columns << s->down;
+    width >>= s->columns, height >>= s->rows;
+    bool whole = s->columns == 0 && left + TILE <= (uint)width && top + TILE <= (uint)height;
+    for (uint q = LANE_IN(tile) * STRIP; q < pixels; q += LANES * STRIP) {
         // A strip of the picture's pixels: those of a block where pixels are samples, else those of the tile row by
         // row.
         Colors pixel = layer[q / STRIP];
-        PLAIN_LOOP for (uint k = 0; side > 1 && k < STRIP; ++k) {
-            float4 mean = mean_of(layer, (q + k) & ((1u << bits) - 1), ((q + k) >> bits) & ((1u << bits) - 1), side);
+        PLAIN_LOOP for (uint k = 0; s->columns && k < STRIP; ++k) {
+            float4 mean = mean_of(layer, (q + k) & ((1u << s->across) - 1), (q + k) >> s->across & ((1u << s->down) - 1), s);
             SET_ELEMENT(float, pixel.red, k, mean.x), SET_ELEMENT(float, pixel.green, k, mean.y);
             SET_ELEMENT(float, pixel.blue, k, mean.z), SET_ELEMENT(float, pixel.alpha, k, mean.w);
         }
         VECTOR(float) alpha = 1.0f - pixel.alpha;
         VECTOR(float) red = (VECTOR(float))(first.x), green = (VECTOR(float))(first.y), blue = (VECTOR(float))(first.z);
         PLAIN_LOOP for (uint k = 0; gradient && k < STRIP; ++k) {
-            float4 row = background[MIN(top + place_in_tile(q + k, side, bits).y, (uint)height - 1)];
+            float4 row = background[MIN(top + place_in_tile(q + k, s).y, (uint)height - 1)];
             SET_ELEMENT(float, red, k, row.x), SET_ELEMENT(float, green, k, row.y), SET_ELEMENT(float, blue, k, row.z);
         }
         Colors shown = {pixel.red + pixel.alpha * red, pixel.green + pixel.alpha * green, pixel.blue + pixel.alpha * blue,
@@ -152,9 +173,9 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
 #endif
         PLAIN_LOOP for (uint k = 0; k < STRIP; ++k) {
             uint p = q + k;
-            uint2 place = place_in_tile(p, side, bits);
+            uint2 place = place_in_tile(p, s);
             uint x = left + place.x, y = top + place.y;
-            if (p >= 1u << 2 * bits || x >= (uint)width || y >= (uint)height) continue;
+            if (p >= pixels || x >= (uint)width || y >= (uint)height) continue;
             size_t at = (size_t)y * width + x;
             image[at] = ELEMENT(uint, bytes, k);
             if (color)

@@ -37,8 +37,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         atomic_add(&solid, samples);
         BARRIER;
         if (LANE == 0) tile_samples[tile] = solid;
-        composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width >> side_bits,
-                       screen.height >> side_bits, background, gradient, image, color);
+        composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width,
+                       screen.height, background, gradient, image, color);
         BARRIER;
     }
 }

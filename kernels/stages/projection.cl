@@ -61,9 +61,17 @@ kernel void project_vertices(global const float *positions, global const float *
 // Whether triangles cover a sample, for those whose bounds have at most 2 x 2 samples: their edge functions
 // (stages/walk.h) are evaluated at each. For larger triangles the result means nothing. flip: where the corners run the
 // other way.
-OUTLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height)
+OUTLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reach *reach, int width, int height,
+                             uint pattern)
 {
-    Ints covers = (Ints)(0);
+    Ints covers = (Ints)(0), right_of[2], below[2];  // where samples lie in these rows, and in these columns
+    UNROLL for (int s = 0; s < 2; ++s) {
+        right_of[s] = below[s] = (Ints)(0);
+        if (pattern == (uint)REGULAR) continue;
+        Ints row = (reach->top + s & 3) * 2, column = (reach->left + s & 3) * 2 + 8;
+        right_of[s] = ((Ints)((int)(pattern & 0xFFFF)) >> row & 3) * (SUBPIXELS / 4);
+        below[s] = ((Ints)((int)(pattern & 0xFFFF)) >> column & 3) * (SUBPIXELS / 4);
+    }
     UNROLL for (int s = 0; s < 4; ++s) {
         Ints column = reach->left + (Ints)(s % 2), row = reach->top + (Ints)(s / 2);
         Ints here = (column <= reach->right) & (row <= reach->bottom);
@@ -72,7 +80,8 @@ OUTLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reac
             Ints dx = x[b] - x[a], dy = y[b] - y[a];
             dx = flip ? -dx : dx, dy = flip ? -dy : dy;
             // Unsigned, because the products may wrap for larger triangles, whose result is not used.
-            Uints down = AS_UINTS(SAMPLE_AT(row, height) - y[a]), right = AS_UINTS(SAMPLE_AT(column, width) - x[a]);
+            Uints down = AS_UINTS(PLACE_AT(row, height, FIRST_Y(pattern)) + below[s % 2] - y[a]);
+            Uints right = AS_UINTS(PLACE_AT(column, width, FIRST_X(pattern)) + right_of[s / 2] - x[a]);
             Ints e = AS_INTS(AS_UINTS(dx) * down - AS_UINTS(dy) * right);
             Ints owned = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0)));
             here &= (e > (Ints)(0)) | ((e == (Ints)(0)) & owned);
@@ -99,7 +108,7 @@ OUTLINE Ints is_opaque(global const void *palette, int vertex_colors, int packed
 }
 
 kernel void cull_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
-                           int width, int height, global const void *palette, int vertex_colors, int packed,
+                           int width, int height, uint pattern, global const void *palette, int vertex_colors, int packed,
                            global const uchar *single_sided, int all_single_sided, global uchar *states)
 {
     uint first = get_global_id(0) * WIDE;
@@ -115,11 +124,11 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint verte
         outcode[j] = given == vertex ? VERTEX_FIELD(outcode, vertex) : (Uints)(NOT_FINITE);
     }
     Reach reach;
-    reach_of(x, y, width, height, &reach);
+    reach_of(x, y, width, height, pattern, &reach);
     Longs area = area_of(x, y);
     Ints drawn = (reach.left <= reach.right) & (reach.top <= reach.bottom) & TO(Ints, area != (Longs)(0));
     Ints few = (reach.right - reach.left < (Ints)(2)) & (reach.bottom - reach.top < (Ints)(2));
-    drawn &= !few | covers_a_sample(x, y, TO(Ints, area < (Longs)(0)), &reach, width, height);
+    drawn &= !few | covers_a_sample(x, y, TO(Ints, area < (Longs)(0)), &reach, width, height, pattern);
     Uints any = outcode[0] | outcode[1] | outcode[2], all = outcode[0] & outcode[1] & outcode[2];
     const Uints zero = (Uints)(0);
     Uints state = (any & (Uints)(NOT_FINITE)) != zero ? (Uints)(DISCARDED)
@@ -191,7 +200,7 @@ kernel void list_triangles(global const uchar *states, uint face_count, uint chu
 
 // --- records --------------------------------------------------------------------------------------------------------
 kernel void setup_triangles(global const uint *faces, uint vertex_count, global const Vertex *vertices,
-                            global const uint *listed, uint listed_count, uint opaque_count, int width, int height,
+                            global const uint *listed, uint listed_count, uint opaque_count, int width, int height, uint pattern,
                             int perspective, global Triangle *triangles, global ushort4 *bounds, global float *weights)
 {
     uint first = get_global_id(0) * WIDE;
@@ -207,7 +216,7 @@ kernel void setup_triangles(global const uint *faces, uint vertex_count, global 
     }
     Arrangement arrangement;
     Uints flags = place < (Uints)(opaque_count) ? (Uints)(OPAQUE) : (Uints)(0);
-    make_triangles(corner, source, flags, width, height, first, triangles, bounds, &arrangement);
+    make_triangles(corner, source, flags, width, height, pattern, first, triangles, bounds, &arrangement);
     if (!weights) return;
     Floats share[3][3];
     for (int i = 0; i < 3; ++i)

@@ -70,15 +70,17 @@ INLINE void to_screen(const ClipVertex *v, Corner *corner)
 }
 
 // --- records --------------------------------------------------------------------------------------------------------
-// The pixels of the image whose samples lie in the box around three corners; there are none where first > last.
+// The pixels of the image whose samples may lie in the box around three corners; there are none where first > last. With
+// samples in the middle of pixels they do. In other patterns a pixel counts if the box reaches any of their places in it.
 typedef struct { Ints left, right, top, bottom; } Reach;
 
-INLINE void reach_of(const Ints *x, const Ints *y, int width, int height, Reach *reach)
+INLINE void reach_of(const Ints *x, const Ints *y, int width, int height, uint pattern, Reach *reach)
 {
-    reach->left = MAX(FIRST_PIXEL_FROM(MIN(x[0], MIN(x[1], x[2])), width), (Ints)(0));
-    reach->right = MIN(LAST_PIXEL_TO(MAX(x[0], MAX(x[1], x[2])), width), (Ints)(width - 1));
-    reach->top = MAX(FIRST_PIXEL_FROM(MIN(y[0], MIN(y[1], y[2])), height), (Ints)(0));
-    reach->bottom = MIN(LAST_PIXEL_TO(MAX(y[0], MAX(y[1], y[2])), height), (Ints)(height - 1));
+    int first_x = FIRST_X(pattern), first_y = FIRST_Y(pattern);
+    reach->left = MAX(FIRST_PIXEL_FROM(MIN(x[0], MIN(x[1], x[2])), width, first_x), (Ints)(0));
+    reach->right = MIN(LAST_PIXEL_TO(MAX(x[0], MAX(x[1], x[2])), width, first_x), (Ints)(width - 1));
+    reach->top = MAX(FIRST_PIXEL_FROM(MIN(y[0], MIN(y[1], y[2])), height, first_y), (Ints)(0));
+    reach->bottom = MIN(LAST_PIXEL_TO(MAX(y[0], MAX(y[1], y[2])), height, first_y), (Ints)(height - 1));
 }
 
 // Twice the signed area, positive where the corners run clockwise as seen (y down).
@@ -121,7 +123,7 @@ typedef struct {
 // evaluated at the snapped corners, and where triangles cross, the picture is that of the exact ones. `moved` has the
 // barycentric weights of the exact triangle at the snapped corners. It carries colours and normals over in the same
 // way.
-OUTLINE void make_triangles(const Corner *given, Uints source, Uints flags, int width, int height, uint record,
+OUTLINE void make_triangles(const Corner *given, Uints source, Uints flags, int width, int height, uint pattern, uint record,
                            global Triangle *triangles, global ushort4 *bounds, Arrangement *arrangement)
 {
     // Rotate until the first corner is first, then swap the other two where the area is negative.
@@ -143,7 +145,7 @@ OUTLINE void make_triangles(const Corner *given, Uints source, Uints flags, int 
     }
 
     Reach reach;
-    reach_of(x, y, width, height, &reach);
+    reach_of(x, y, width, height, pattern, &reach);
     Ints none = (reach.left > reach.right) | (reach.top > reach.bottom) | TO(Ints, area == (Longs)(0));
     reach.left = none ? (Ints)(1) : reach.left, reach.right = none ? (Ints)(0) : reach.right;
     Ints extent = MAX(MAX(x[0], MAX(x[1], x[2])) - MIN(x[0], MIN(x[1], x[2])),
@@ -171,7 +173,7 @@ OUTLINE void make_triangles(const Corner *given, Uints source, Uints flags, int 
         depth[k] = k == 0 ? c[k].depth + shift : (c[k].depth - c[0].depth) + (shift - first_shift);
     }
     Floats depth_max = MAX(c[1].depth, c[2].depth), inverse_area = (Floats)(1.0f) / TO(Floats, area);
-    flags |= AS_UINTS(extent < (Ints)(SMALL_EXTENT)) & (Uints)(SMALL);
+    flags |= AS_UINTS(extent < (Ints)(pattern == (uint)REGULAR ? SMALL_EXTENT : SMALL_EXTENT_IN_PATTERNS)) & (Uints)(SMALL);
     flags |= flip ? (Uints)(0) : (Uints)(BACK_FACING);
     Uints left_right = AS_UINTS(reach.left | reach.right << (Ints)(16));
     Uints top_bottom = AS_UINTS(reach.top | reach.bottom << (Ints)(16));

@@ -76,17 +76,16 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
     for (int first = 0; first < STRIP; first += SHADED) {
         uint some = bits >> first & SHADED_BITS;
         if (!some) continue;
-        Reals at_samples[3];
-        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
         Face face;
         face_of(t, batch->pairs[place], shading, &face);
+        Reals to_shade_at[3];
+        WEIGHTS_TO_SHADE(first, &face, to_shade_at);
         OnFace on_face;
-        place_on_face(at_samples, &face, &on_face);
-        int sample_x = x + (block % BLOCKS_A_ROW * BLOCK - first_x + first % BLOCK) * SUBPIXELS;
-        int sample_y = y + (block / BLOCKS_A_ROW * BLOCK - first_y + first / BLOCK) * SUBPIXELS;
+        place_on_face(to_shade_at, &face, &on_face);
+        Sight sight = SIGHT(first, &face);
         float4 colors_there[SHADED];
         uint shaded = 0;
-        some = shade(&face, &on_face, shading, VIEW(batch), sample_x, sample_y, some, colors_there);
+        some = shade(&face, &on_face, shading, VIEW(batch), &sight, some, colors_there);
         for (; some; some &= some - 1, ++next) {
             int k = LOWEST_SHADED(some);
             fragments[next] = (ulong)ELEMENT(uint, key, first + k) << 32 | PAYLOAD(next, t);

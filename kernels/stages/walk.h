@@ -53,9 +53,18 @@
 #define FIRST_PIXEL (lane * STRIP % BLOCK_PIXELS)
 #endif
 
-// Columns and rows of a strip's pixels, relative to its first pixel.
+// Columns and rows of a strip's pixels, relative to its first pixel. STRIP_X, STRIP_Y: how many steps their samples lie
+// right of its first sample, and below it. Patterns are such that this is the same for all strips of a block.
 #define STRIP_COLUMNS ((VECTOR(int))(IOTA) & (VECTOR(int))(BLOCK - 1))
 #define STRIP_ROWS ((VECTOR(int))(IOTA) / (VECTOR(int))(BLOCK))
+#if PATTERNED
+#define QUARTERS_OF(quarters, numbers) ((VECTOR(int))((quarters) & 255) >> (numbers) * 2 & (VECTOR(int))(3))
+#define STRIP_X (STRIP_COLUMNS * PIXEL_STEPS + QUARTERS_OF(PATTERN, STRIP_ROWS))
+#define STRIP_Y (STRIP_ROWS * PIXEL_STEPS + QUARTERS_OF(PATTERN >> 8, STRIP_COLUMNS) - QUARTERS_DOWN(PATTERN, 0))
+#else
+#define STRIP_X STRIP_COLUMNS
+#define STRIP_Y STRIP_ROWS
+#endif
 
 // --- records as edge functions --------------------------------------------------------------------------------------
 // The edge function of the edge from corner a to corner b is  E(x, y) = dx (y - y_a) - dy (x - x_a), in square
@@ -66,9 +75,9 @@
 // top edges run right and left edges run up. These own their samples. So `least` is 0 for them, and 1 for all other
 // edges, and inside is  E >= least.
 //
-// From pixel to pixel E changes by SUBPIXELS times dx or dy. So all samples have the same E modulo SUBPIXELS:
-//   E - least = SUBPIXELS F + rest,   0 <= rest < SUBPIXELS,   covered: F >= 0
-// For records below SMALL_EXTENT, F fits 32 bits everywhere in the tile. Larger records take 64 bits, with the same
+// From sample to sample E changes by STEP times whole multiples of dx and dy. So all samples have the same E modulo STEP:
+//   E - least = STEP F + rest,   0 <= rest < STEP,   covered: F >= 0
+// For records below SMALL_EXTENT (SMALL_EXTENT_IN_PATTERNS), F fits 32 bits everywhere in the tile. Larger records take 64 bits, with the same
 // integers F and so the same weights.
 //
 // Where lanes have several strips, WIDE records are prepared at a time (Walks). Then they are visited one by one (Walk).
@@ -76,8 +85,8 @@
 #if LANES <= TILE_BLOCKS
 typedef struct {
     Longs first[3];  // F of each edge at the lane's first sample of the tile's first block
-    Ints dx[3], dy[3];  // for each pixel further down F grows by dx; for each pixel further right it falls by dy
-    Floats rest[3];  // rest + least, 0 .. SUBPIXELS
+    Ints dx[3], dy[3];  // for each step further down F grows by dx; for each step further right it falls by dy
+    Floats rest[3];  // rest + least, 0 .. STEP
     Ints small;
     Uints blocks;  // the blocks of the tile that the record's bounds reach, a bit each
     Ints many;  // not 0 where these are more than 4: then it pays to test each block
@@ -102,8 +111,8 @@ OUTLINE uint ready_walks(global const Triangle *triangles, global const uint *pa
         Ints dx = corner_x[b] - corner_x[a], dy = corner_y[b] - corner_y[a];
         Ints least = (dy < (Ints)(0)) | ((dy == (Ints)(0)) & (dx > (Ints)(0))) ? (Ints)(0) : (Ints)(1);
         Longs e = TO(Longs, dx) * TO(Longs, y - corner_y[a]) - TO(Longs, dy) * TO(Longs, x - corner_x[a]) - TO(Longs, least);
-        w->first[k] = e >> (Longs)(SUBPIXEL_BITS);
-        w->rest[k] = TO(Floats, (TO(Ints, e) & (Ints)(SUBPIXELS - 1)) + least);
+        w->first[k] = e >> (Longs)(STEP_BITS);
+        w->rest[k] = TO(Floats, (TO(Ints, e) & (Ints)(STEP - 1)) + least);
         w->dx[k] = dx, w->dy[k] = dy;
     }
     left = MAX(left - tile_x, (Ints)(0)) / BLOCK, right = MIN(right - tile_x, (Ints)(TILE - 1)) / BLOCK;
@@ -135,7 +144,7 @@ INLINE void walk_of(const Walks *walks, uint k, Walk *w)
         w->first[j] = LONG_OF(walks->first[j]);
         w->dx[j] = INT_OF(walks->dx[j]), w->dy[j] = INT_OF(walks->dy[j]);
         w->rest[j] = FLOAT_OF(walks->rest[j]);
-        w->step[j] = (VECTOR(int))(w->dx[j]) * STRIP_ROWS - (VECTOR(int))(w->dy[j]) * STRIP_COLUMNS;
+        w->step[j] = (VECTOR(int))(w->dx[j]) * STRIP_Y - (VECTOR(int))(w->dy[j]) * STRIP_X;
     }
 }
 
@@ -145,13 +154,21 @@ INLINE uint blocks_met(const Walks *walks, uint k, const Walk *w, int lane)
     uint blocks = (uint)INT_OF(walks->blocks) & LANE_BLOCKS;
 #if STRIP == TILE_BLOCKS
     if (INT_OF(walks->many) && w->small) {
-        // All 16 blocks at once, one in each element: blocks lie in a tile as pixels lie in a block, so `step` times
-        // BLOCK leads from block to block. A record misses a block if F is negative even at the block's pixel farthest
-        // inside of that edge.
+        // All 16 blocks at once, one in each element: blocks lie in a tile as pixels lie in a block. A record misses a
+        // block if F is negative even at the block's place farthest inside of that edge.
         VECTOR(int) met = (VECTOR(int))(-1);
         UNROLL for (int j = 0; j < 3; ++j) {
-            int inside = (int)w->first[j] + (BLOCK - 1) * (MAX(w->dx[j], 0) - MIN(w->dy[j], 0));
-            met &= w->step[j] * BLOCK + (VECTOR(int))(inside) >= (VECTOR(int))(0);
+            int dx = w->dx[j], dy = w->dy[j];
+#if PATTERNED
+            // Samples lie up to 3 quarters right and down in their pixels. The first one has some of those down.
+            int above = -QUARTERS_DOWN(PATTERN, 0), beyond = (BLOCK - 1) * PIXEL_STEPS + 3;
+            int inside = (int)w->first[j] + MAX(dx * above, dx * (beyond + above)) - MIN(dy * beyond, 0);
+            VECTOR(int) to_block = (VECTOR(int))(BLOCK * PIXEL_STEPS * dx) * STRIP_ROWS - (VECTOR(int))(BLOCK * PIXEL_STEPS * dy) * STRIP_COLUMNS;
+#else
+            int inside = (int)w->first[j] + (BLOCK - 1) * (MAX(dx, 0) - MIN(dy, 0));
+            VECTOR(int) to_block = w->step[j] * BLOCK;
+#endif
+            met &= to_block + (VECTOR(int))(inside) >= (VECTOR(int))(0);
         }
         blocks &= BITS_OF(met);
     }
@@ -164,19 +181,19 @@ INLINE uint blocks_met(const Walks *walks, uint k, const Walk *w, int lane)
 INLINE VECTOR(int) cover(const Walk *w, int block, VECTOR(float) weight[3])
 {
     VECTOR(int) covered = (VECTOR(int))(-1);
-    int column = block % BLOCKS_A_ROW * BLOCK, row = block / BLOCKS_A_ROW * BLOCK;
+    int column = block % BLOCKS_A_ROW * (BLOCK * PIXEL_STEPS), row = block / BLOCKS_A_ROW * (BLOCK * PIXEL_STEPS);
     if (w->small) {
         UNROLL for (int k = 0; k < 3; ++k) {
             VECTOR(int) f = (VECTOR(int))((int)w->first[k] + row * w->dx[k] - column * w->dy[k]) + w->step[k];
             covered &= f >= (VECTOR(int))(0);
-            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + w->rest[k];
+            weight[k] = CONVERT(float, STRIP, f) * (float)STEP + w->rest[k];
         }
     } else {
         UNROLL for (int k = 0; k < 3; ++k) {
             long first = w->first[k] + (long)row * w->dx[k] - (long)column * w->dy[k];
             VECTOR(long) f = (VECTOR(long))(first) + CONVERT(long, STRIP, w->step[k]);
             covered &= CONVERT(int, STRIP, f >= (VECTOR(long))(0));
-            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + w->rest[k];
+            weight[k] = CONVERT(float, STRIP, f) * (float)STEP + w->rest[k];
         }
     }
     return covered;
@@ -198,23 +215,76 @@ INLINE VECTOR(int) cover(global const Triangle *t, int x, int y, VECTOR(float) w
     UNROLL for (int k = 0; k < 3; ++k) {
         int a = k < 2 ? k + 1 : 0, b = k > 0 ? k - 1 : 2, dx = t->x[b] - t->x[a], dy = t->y[b] - t->y[a];
         int least = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
-        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> SUBPIXEL_BITS;
-        float rest = (float)(((int)e & (SUBPIXELS - 1)) + least);
-        VECTOR(int) step = dx * STRIP_ROWS - dy * STRIP_COLUMNS;
+        long e = (long)dx * (y - t->y[a]) - (long)dy * (x - t->x[a]) - least, first = e >> STEP_BITS;
+        float rest = (float)(((int)e & (STEP - 1)) + least);
+        VECTOR(int) step = dx * STRIP_Y - dy * STRIP_X;
         if (t->flags & SMALL) {
             VECTOR(int) f = (VECTOR(int))((int)first) + step;
             covered &= f >= (VECTOR(int))(0);
-            weight[k] = CONVERT(float, STRIP, f) * (float)SUBPIXELS + rest;
+            weight[k] = CONVERT(float, STRIP, f) * (float)STEP + rest;
         } else {
             PLAIN_LOOP for (int i = 0; i < STRIP; ++i) {  // rare, and 64 bits side by side take many registers
                 long f = first + ELEMENT(int, step, i);
                 if (f < 0) SET_ELEMENT(int, covered, i, 0);
-                SET_ELEMENT(float, weight[k], i, (float)f * (float)SUBPIXELS + rest);
+                SET_ELEMENT(float, weight[k], i, (float)f * (float)STEP + rest);
             }
         }
     }
     return covered;
 }
+#endif
+
+#if FRAGMENT_COLOR
+// Between VISITS and END_VISITS: the weights at which to shade SHADED pixels of the strip, from number `first` on. face:
+// of the record.
+#if PATTERNED && LANES == 1
+#define WEIGHTS_TO_SHADE(first, face, at) to_shade(&w, block, weight, first, face, at)
+INLINE void to_shade(const Walk *w, int block, const VECTOR(float) weight[3], int first, const Face *face, Reals at[3])
+{
+    int column = block % BLOCKS_A_ROW * (BLOCK * PIXEL_STEPS), row = block / BLOCKS_A_ROW * (BLOCK * PIXEL_STEPS);
+    bool samples = shades_samples(face);
+    UNROLL for (int k = 0; k < 3; ++k) {
+        long f = w->first[k] + (long)row * w->dx[k] - (long)column * w->dy[k];
+        if (samples) at[k] = SAMPLES_OF(weight[k], first);
+        else at[k] = weight_at_centre(f, w->rest[k], w->dx[k], w->dy[k], w->small, first);
+    }
+}
+#elif PATTERNED
+#define WEIGHTS_TO_SHADE(first, face, at)                                                                       \
+    to_shade(t, tile_x + block % BLOCKS_A_ROW * BLOCK, tile_y + block / BLOCKS_A_ROW * BLOCK, width, height, weight, \
+             first, FIRST_PIXEL, face, at)
+INLINE void to_shade(global const Triangle *t, int column, int row, int width, int height, const VECTOR(float) weight[3],
+                     int first, int first_pixel, const Face *face, Reals at[3])
+{
+    if (shades_samples(face)) {
+        UNROLL for (int k = 0; k < 3; ++k) at[k] = SAMPLES_OF(weight[k], first);
+    } else {
+        int x = SAMPLE_X(column, 0, width, PATTERN), y = SAMPLE_Y(0, row, height, PATTERN);
+        weights_at_centres(t, x, y, first_pixel + first, at);
+    }
+}
+#else
+#define WEIGHTS_TO_SHADE(first, face, at) UNROLL for (int j = 0; j < 3; ++j) at[j] = SAMPLES_OF(weight[j], first)
+#endif
+
+// Where these pixels are seen.
+#define SIGHT(first, face)                                                                                      \
+    sight_of(shades_samples(face), tile_x + block % BLOCKS_A_ROW * BLOCK, tile_y + block / BLOCKS_A_ROW * BLOCK, \
+             FIRST_PIXEL + (first), width, height)
+
+#if PATTERNED && LANES == 1
+// Numbers of colours for a block's samples: one for each of the picture's pixels of which `corners` has the upper left
+// sample, from `painted` on. Each byte of `before` says how many are before a pixel.
+INLINE VECTOR(uint) numbers_of(uint corners, uint painted)
+{
+    const uint across = BLOCK / SHOWN_COLUMNS, pixels = across * (BLOCK / SHOWN_ROWS);
+    uint before = 0;
+    UNROLL for (uint p = 0; p + 1 < pixels; ++p)
+        before += (corners >> (p / across * SHOWN_ROWS * BLOCK + p % across * SHOWN_COLUMNS) & 1) * (0x01010100u << 8 * p);
+    VECTOR(int) pixel = STRIP_ROWS / SHOWN_ROWS * (int)across + STRIP_COLUMNS / SHOWN_COLUMNS;
+    return ((VECTOR(uint))(before) >> PASTE(as_, VECTOR(uint))(pixel * 8) & (VECTOR(uint))(255)) + painted;
+}
+#endif
 #endif
 
 // Which pixels of a strip are in the image: -1, or 0 where not. A tile at the right or lower border may reach beyond
@@ -253,8 +323,8 @@ typedef struct {
     int tile_x = (int)(tile_number % batch->screen.columns) * TILE;                                             \
     int tile_y = (int)(tile_number / batch->screen.columns) * TILE;                                             \
     int first_x = FIRST_BLOCK % BLOCKS_A_ROW * BLOCK, first_y = FIRST_BLOCK / BLOCKS_A_ROW * BLOCK;              \
-    int x = SAMPLE_AT(tile_x + first_x + FIRST_PIXEL % BLOCK, width);                                           \
-    int y = SAMPLE_AT(tile_y + first_y + FIRST_PIXEL / BLOCK, height);                                          \
+    int x = SAMPLE_X(tile_x + first_x + FIRST_PIXEL % BLOCK, FIRST_PIXEL / BLOCK, width, PATTERN);              \
+    int y = SAMPLE_Y(FIRST_PIXEL % BLOCK, tile_y + first_y + FIRST_PIXEL / BLOCK, height, PATTERN);             \
     bool beyond = tile_x + TILE > width || tile_y + TILE > height;
 
 // Visits the `wanted` blocks (a bit each) that a record of the tile may cover, record by record in submission order.
@@ -326,21 +396,38 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
             global const Triangle *t = batch->triangles + batch->pairs[at];
             for (int k = 0; k < SHADED; ++k) same |= (uint)(ELEMENT(uint, payload, first + k) == at) << k;
             int pixel = strip * STRIP + first, block = pixel / BLOCK_PIXELS, in_block = pixel % BLOCK_PIXELS;
-            int x = SAMPLE_AT(tile_x + block % BLOCKS_A_ROW * BLOCK + in_block % BLOCK, batch->screen.width);
-            int y = SAMPLE_AT(tile_y + block / BLOCKS_A_ROW * BLOCK + in_block / BLOCK, batch->screen.height);
-            Reals weight[3];
-            weights_at(t, x, y, weight);
+            int column = tile_x + block % BLOCKS_A_ROW * BLOCK, row = tile_y + block / BLOCKS_A_ROW * BLOCK;
             Face face;
             face_of(t, batch->pairs[at], shading, &face);
+            Reals weight[3];
+            bool samples = shades_samples(&face);
+            int right = samples ? in_block % BLOCK : 0, down = samples ? in_block / BLOCK : 0;
+            int x = SAMPLE_X(column + right, row + down, batch->screen.width, PATTERN);
+            int y = SAMPLE_Y(column + right, row + down, batch->screen.height, PATTERN);
+#if PATTERNED
+            if (!samples) weights_at_centres(t, x, y, in_block, weight);
+            else
+#endif
+                weights_at(t, x, y, weight);
             OnFace on_face;
             place_on_face(weight, &face, &on_face);
             float4 colors_there[SHADED];
-            left &= ~same, same = shade(&face, &on_face, shading, VIEW(batch), x, y, same, colors_there);
-            for (const float4 *next = colors_there; same; same &= same - 1, ++next) {
-                int own = first + LOWEST_SHADED(same);
+            left &= ~same;
+#if PATTERNED && SHADED > 1
+            uint alike = samples ? 1 : FIRST_SHOWN, wanted = same;  // samples that have the same colour as a wanted one
+            if (!samples) wanted = corners_of(same);
+#else
+            uint alike = 1, wanted = same;
+#endif
+            Sight sight = sight_of(samples, column, row, in_block, batch->screen.width, batch->screen.height);
+            wanted = shade(&face, &on_face, shading, VIEW(batch), &sight, wanted, colors_there);
+            for (const float4 *next = colors_there; wanted; wanted &= wanted - 1, ++next) {
                 float4 color = *next;
-                SET_ELEMENT(float, colors->red, own, color.x), SET_ELEMENT(float, colors->green, own, color.y);
-                SET_ELEMENT(float, colors->blue, own, color.z), SET_ELEMENT(float, colors->alpha, own, color.w);
+                for (uint bits = alike << LOWEST_SHADED(wanted) & same; bits; bits &= bits - 1) {
+                    int own = first + LOWEST_SHADED(bits);
+                    SET_ELEMENT(float, colors->red, own, color.x), SET_ELEMENT(float, colors->green, own, color.y);
+                    SET_ELEMENT(float, colors->blue, own, color.z), SET_ELEMENT(float, colors->alpha, own, color.w);
+                }
             }
         }
     }
@@ -363,6 +450,10 @@ typedef struct { uint step, room, strip_room; } Layout;
 // are MIXED, only those in front of z_far are emitted (stages/opaque.h). At the end each `next` is what it would be
 // with room for all, so it tells how many fragments there are. sources: where fragments have colours of their own,
 // receives their faces; NULL if nobody wants them.
+//
+// Fragments of a record in one of the picture's pixels may share a colour (shades_samples). Where a lane works alone, it
+// computes that once, and numbers colours as they come, from 0 on. So they grow with submission, too, and there are no
+// more of them than fragments. Several lanes compute it for each fragment, which gives the same bits.
 INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uint begin, uint blocks,
                       KEPT_MEMORY const VECTOR(ulong) *z_far, const Layout *layout, VECTOR(uint) *next, global ulong *fragments,
                       global float4 *colors, global uint *sources)
@@ -377,6 +468,9 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
 #if PAINTED && LANES == 1
     Waiting waiting;
     waiting.count = 0, waiting.material = 0;
+#endif
+#if PATTERNED && LANES == 1
+    uint painted = 0;  // how many colours there are
 #endif
     VISITS(blocks)
     VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
@@ -394,36 +488,54 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
     VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
     uint fits = BITS_OF(*places < (VECTOR(uint))(layout->room));
+#if PATTERNED && LANES == 1
+    bool samples = shades_samples(&face);
+    uint wanted = samples ? all : corners_of(all & fits);
+    if (!samples) own = numbers_of(wanted, painted), painted += POPCOUNT(wanted);
+#else
+    uint wanted = all;
+#endif
     for (int first = 0; first < STRIP; first += SHADED) {
-        uint bits = all >> first & SHADED_BITS;
+        uint bits = wanted >> first & SHADED_BITS;
         if (!bits) continue;
-        Reals at_samples[3];
-        UNROLL for (int j = 0; j < 3; ++j) at_samples[j] = SAMPLES_OF(weight[j], first);
+        Reals to_shade_at[3];
+        WEIGHTS_TO_SHADE(first, &face, to_shade_at);
         OnFace on_face;
-        place_on_face(at_samples, &face, &on_face);
-        int sample_x = x + (block % BLOCKS_A_ROW * BLOCK - first_x + first % BLOCK) * SUBPIXELS;
-        int sample_y = y + (block / BLOCKS_A_ROW * BLOCK - first_y + first / BLOCK) * SUBPIXELS;
+        place_on_face(to_shade_at, &face, &on_face);
+        Sight sight = SIGHT(first, &face);
 #if PAINTED && LANES == 1
         if (face.material && !(face.material->flags & ROUTED_BY_TEXELS) && !(MAPS && face.material->mapped)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];
-            Light light = light_on(&face, &on_face, shading, VIEW(batch), sample_x, sample_y);
-            let_wait(&face, &on_face, &light, bits & fits >> first, to, &waiting);
+#if !PATTERNED
+            bits &= fits >> first;
+#endif
+            Light light = light_on(&face, &on_face, shading, VIEW(batch), &sight);
+            let_wait(&face, &on_face, &light, bits, to, &waiting);
             continue;
         }
 #endif
 #if PAINTED
         float4 colors_there[SHADED];
-        uint seen = shade(&face, &on_face, shading, VIEW(batch), sample_x, sample_y, bits, colors_there);
+        uint seen = shade(&face, &on_face, shading, VIEW(batch), &sight, bits, colors_there);
         there &= ~((bits & ~seen) << first);
         for (const float4 *color = colors_there; seen; seen &= seen - 1, ++color) {
             uint k = first + LOWEST_SHADED(seen);
-            if (fits >> k & 1) colors[ELEMENT(uint, own, k)] = *color;
+#if PATTERNED && LANES == 1
+            if (samples && !(fits >> k & 1)) continue;
+            if (samples) SET_ELEMENT(uint, own, k, painted++);
+#else
+            if (!(fits >> k & 1)) continue;
+#endif
+            colors[ELEMENT(uint, own, k)] = *color;
         }
 #else
-        Light light = light_on(&face, &on_face, shading, VIEW(batch), sample_x, sample_y);
-        for (bits &= fits >> first; bits; bits &= bits - 1) {
+        Light light = light_on(&face, &on_face, shading, VIEW(batch), &sight);
+#if !PATTERNED || LANES > 1
+        bits &= fits >> first;
+#endif
+        for (; bits; bits &= bits - 1) {
             int k = LOWEST_SHADED(bits);
             colors[ELEMENT(uint, own, first + k)] = plain_color(&face, &on_face, &light, k);
         }

@@ -411,7 +411,7 @@ def test_render_is_asked_for_what_the_options_say(mesh: Path, fake: Any, tmp_pat
     assert cli.main(["render", str(mesh), "-o", output]) == 0
     assert f"wrote {output}" in capfd.readouterr().err
     arguments = (
-        "--resolution 30,20 --unlit --no-background --memory 64M --device 0 --lanes 16 --opacity 0.5 --samples 4"
+        "--resolution 30,20 --unlit --no-background --memory 64M --device 0 --lanes 16 --opacity 0.5 --samples 8"
     )
     assert cli.main(["render", str(mesh), "-o", output, "--quiet", *arguments.split()]) == 0
     plain, full = fake.calls
@@ -425,7 +425,7 @@ def test_render_is_asked_for_what_the_options_say(mesh: Path, fake: Any, tmp_pat
     assert not vars(plain).keys() & {"memory", "opaque"}  # what is not given keeps its default
     assert (full.size, full.lighting, full.background) == ((30, 20), "none", None)
     assert (full.memory, full.device, full.lanes) == ("64M", "0", 16)
-    assert (plain.samples, full.samples) == (1, 4)
+    assert (plain.samples, full.samples) == (4, 8)
     assert len(full.scene.faces) == 4
     assert pixels(output).shape[:2] == (20, 30)
     assert capfd.readouterr() == ("", "")
@@ -802,7 +802,10 @@ def test_white_things_and_black_ones_show_before_the_default(
     call = ["render", str(tmp_path / "t.off"), "-o", output, "--resolution=20,20", f"--color={color}", *more]
     assert cli.main(call) == 0
     seen = pixels(output).astype(int)[..., :3]
-    assert seen[0, 0].tolist() == [200, 204, 210] and (np.abs(seen[10, 10] - seen[0, 0]) >= (10 if more == ["--opacity=0.4"] else 17)).all()
+    assert (
+        seen[0, 0].tolist() == [200, 204, 210]
+        and (np.abs(seen[10, 10] - seen[0, 0]) >= (10 if more == ["--opacity=0.4"] else 17)).all()
+    )
     assert "is blank:" not in capfd.readouterr().err
 
 

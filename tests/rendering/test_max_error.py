@@ -95,10 +95,10 @@ def test_a_pass_is_not_made_for_what_cannot_be_seen(lanes: int) -> None:
 def test_samples_and_pictures_that_are_drawn_over(lanes: int) -> None:
     scene = soups.random(3, 100, "large", alpha=(0.3, 0.9)).scene()
     renderer = clpeel.Renderer(scene, lanes=lanes)
-    call: dict[str, Any] = {"camera": BENCH.camera(), "size": (30, 20)}
-    fine = renderer.render(BENCH.camera(), (60, 40), max_error=0.1).error_bound.astype(float)
-    mean = renderer.render(samples=4, max_error=0.1, **call)
-    assert np.abs(mean.error_bound - fine.reshape(20, 2, 30, 2).mean(axis=(1, 3))).max() <= 8 * UNIT
+    call: dict[str, Any] = {"camera": BENCH.camera(), "size": (15, 10)}
+    fine = renderer.render(BENCH.camera(), (120, 80), max_error=0.1).error_bound.astype(float)
+    mean = renderer.render(samples=64, max_error=0.1, **call)
+    assert np.abs(mean.error_bound - fine.reshape(10, 8, 15, 8).mean(axis=(1, 3))).max() <= 65 * UNIT
     plain = renderer.render(**call)
     with pytest.raises(
         clpeel.InputError, match=r"^error_bound: expected a result rendered with max_error=..., got none$"

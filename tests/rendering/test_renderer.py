@@ -139,7 +139,7 @@ def test_a_sphere_is_smooth_under_the_headlight():
         ({"background": (0, 0, 2)}, "background: expected 3 numbers 0..1"),
         ({"background": (0, 0, np.nan)}, "background: expected 3 numbers 0..1"),
         ({"lighting": "sun"}, "lighting: expected one of none, headlight"),
-        ({"samples": 3}, "samples: expected one of 1, 4, 16"),
+        ({"samples": 3}, "samples: expected one of 1, 4, 8, 16"),
         ({"samples": 256, "size": (5000, 5)}, "samples: expected at most 4096"),
         ({"memory": "lots"}, "memory: expected bytes"),
         ({"memory": 12}, "memory: expected at least 1M"),

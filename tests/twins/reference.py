@@ -79,6 +79,7 @@ class Projected:
     edges: Floats  # [m, 3, 3] edge k, opposite corner k, is zero where edges[k] . (x, y, 1) = 0
     clipping: tuple[float, float]  # nearest and farthest view distance that is drawn
     orthographic: bool
+    to_shade: Floats | None = None  # [m, 2] how far from samples, right and down in pixels, hits are shaded
 
 
 @dataclass(frozen=True)
@@ -123,11 +124,18 @@ def straight_colors(scene: Surface) -> Floats:
     return np.broadcast_to(real(scene.color), (len(faces), 3, 4)).copy()
 
 
-def project(scene: Surface, camera: View, size: tuple[int, int], backfaces: str = "default") -> Projected:
+def project(
+    scene: Surface,
+    camera: View,
+    size: tuple[int, int],
+    backfaces: str = "default",
+    aside: tuple[float, float] = (0.0, 0.0),
+) -> Projected:
     """Bring the triangles into homogeneous screen coordinates of an image of size (width, height).
 
     backfaces: which faces that are seen from behind are kept: those that have two sides, all if "visible", none if
-    "hidden".
+    "hidden". aside: how far right of pixels' centres, and below, the samples lie, in pixels. The triangles are moved
+    the other way.
     """
     _, height = size
     position = np.asarray(camera.position, np.float64)
@@ -150,7 +158,7 @@ def project(scene: Surface, camera: View, size: tuple[int, int], backfaces: str 
     screen_x = (x * right[0] + y * right[1] + z * right[2]) * scale
     screen_y = (x * top[0] + y * top[1] + z * top[2]) * -scale
     w = np.ones_like(distance) if camera.orthographic else distance
-    homogeneous = np.stack([screen_x, screen_y, w], -1)
+    homogeneous = np.stack([screen_x - aside[0] * w, screen_y - aside[1] * w, w], -1)
     edges = cross(np.roll(homogeneous, -1, axis=1), np.roll(homogeneous, -2, axis=1))
     uv = np.zeros((len(faces), 3, 2)) if scene.uv is None else np.asarray(scene.uv, np.float64)[faces]
     kept = np.ones(len(number), bool)
@@ -224,6 +232,28 @@ def barycentric(projected: Projected, triangle: Integers, x: Floats, y: Floats) 
     volume = normal[..., 0] * x[:, None] + normal[..., 1] * y[:, None] + normal[..., 2]
     with np.errstate(all="ignore"):
         return volume / volume.sum(axis=1, keepdims=True)
+
+
+def shares(
+    projected: Projected, triangle: Integers, x: Floats, y: Floats, move: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Floats, Floats]:
+    """Barycentric weights [n, 3] where hits are shaded, and the sum of volumes [n] that they were divided by.
+
+    move: how far aside of there, in pixels. A place that is shaded outside of the triangle has weights below 0. They
+    count as 0, and the others are divided by their sum.
+    """
+    if projected.to_shade is None:
+        normal = projected.edges[triangle].sum(axis=1)
+        sums = normal[:, 0] * (x + move[0]) + normal[:, 1] * (y + move[1]) + normal[:, 2]
+        return barycentric(projected, triangle, x + move[0], y + move[1]), sums
+    normal, aside = projected.edges[triangle], projected.to_shade[triangle]
+    sign = np.sign((normal[..., 0] * x[:, None] + normal[..., 1] * y[:, None] + normal[..., 2]).sum(axis=1))[:, None]
+    x, y = x + aside[:, 0] + move[0], y + aside[:, 1] + move[1]
+    volume = normal[..., 0] * x[:, None] + normal[..., 1] * y[:, None] + normal[..., 2]
+    inside = np.maximum(volume * sign, 0)
+    sums = inside.sum(axis=1)
+    with np.errstate(all="ignore"):
+        return inside / sums[:, None], sums * sign[:, 0]
 
 
 def blend(weights: Floats, values: Floats) -> Floats:
@@ -305,9 +335,8 @@ def composite(pixel: Integers, colors: Floats, size: tuple[int, int]) -> tuple[F
 def slopes(projected: Projected, triangle: Integers, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """How the barycentric weights change from pixel to pixel, along x and along y: float64 [n, 3] each, sums to 0."""
     normal = projected.edges[triangle]
-    weights = barycentric(projected, triangle, x, y)
+    weights, volume = shares(projected, triangle, x, y)
     whole = normal.sum(axis=1)
-    volume = whole[:, 0] * x + whole[:, 1] * y + whole[:, 2]
     with np.errstate(all="ignore"):
         along_x, along_y = ((normal[..., k] - weights * whole[:, k, None]) / volume[:, None] for k in (0, 1))
     return along_x, along_y
@@ -316,7 +345,7 @@ def slopes(projected: Projected, triangle: Integers, x: Floats, y: Floats) -> tu
 def places(projected: Projected, pixel: Integers, triangle: Integers, size: tuple[int, int]) -> Places:
     """Where hits lie on their faces."""
     x, y = samples(pixel, size)
-    weights, uv = barycentric(projected, triangle, x, y), projected.uv[triangle]
+    (weights, _), uv = shares(projected, triangle, x, y), projected.uv[triangle]
     along_x, along_y = (
         (slope[:, 1:, None] * (uv[:, 1:] - uv[:, :1])).sum(axis=1) for slope in slopes(projected, triangle, x, y)
     )
@@ -325,15 +354,26 @@ def places(projected: Projected, pixel: Integers, triangle: Integers, size: tupl
 
 
 def render(
-    scene: Surface, camera: View, size: tuple[int, int], backfaces: str = "default", anisotropy: int = 1
+    scene: Surface,
+    camera: View,
+    size: tuple[int, int],
+    backfaces: str = "default",
+    anisotropy: int = 1,
+    aside: tuple[float, float] = (0.0, 0.0),
+    once: Booleans | None = None,
 ) -> Picture:
-    """The exact picture of the scene; size is (width, height)."""
+    """The exact picture of the scene; size is (width, height).
+
+    aside: where samples lie, see `project`. once: which faces are shaded at pixels' centres; None for none.
+    """
     width, height = size
-    projected = project(scene, camera, size, backfaces)
+    projected = project(scene, camera, size, backfaces, aside)
+    if once is not None:
+        projected = replace(projected, to_shade=-np.array(aside) * once[projected.number, None])
     pixel, triangle, distance = cast(projected, size)
     cut = pixel[:0], triangle[:0]
     if scene.face_materials is None:
-        rgba = blend(barycentric(projected, triangle, *samples(pixel, size)), projected.colors[triangle])
+        rgba = blend(shares(projected, triangle, *samples(pixel, size))[0], projected.colors[triangle])
     else:
         painted = paint(scene, places(projected, pixel, triangle, size), anisotropy)
         there = painted.there
@@ -394,6 +434,8 @@ def shifted_values(
     true triangle has at p - sum(weight * move): some point within `shift` of p in x and in y. Values are quotients of
     affine functions there, so that their extremes over that square lie in its corners; they never leave the range of
     the triangle's own corners. Where the plane turns edge-on within the square, the whole of that range is returned.
+    Hits that are shaded aside have weights that are cut off at 0, within the square, too. What they change by in all is
+    then up to three times as much: a part for each weight.
     """
     x, y = samples(pixel, size)
     values = values[triangle]
@@ -402,13 +444,14 @@ def shifted_values(
     middle = normal[:, 0] * x + normal[:, 1] * y + normal[:, 2]
     edge_on = np.abs(middle) <= shift * (np.abs(normal[:, 0]) + np.abs(normal[:, 1]))
     corners = [
-        np.clip(blend(barycentric(projected, triangle, x + dx, y + dy), values), least, greatest)
+        np.clip(blend(shares(projected, triangle, x, y, (dx, dy))[0], values), least, greatest)
         for dx in (-shift, shift)
         for dy in (-shift, shift)
     ]
-    low = np.where(edge_on[:, None], least, np.min(corners, axis=0))
-    high = np.where(edge_on[:, None], greatest, np.max(corners, axis=0))
-    return low, high
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    if projected.to_shade is not None:
+        low, high = np.maximum(2 * low - high, least), np.minimum(2 * high - low, greatest)
+    return np.where(edge_on[:, None], least, low), np.where(edge_on[:, None], greatest, high)
 
 
 def interpolation_bound(picture: Picture, shift: float = SNAP, rounding: float = 20 * UNIT) -> Floats:
@@ -542,16 +585,21 @@ def segments(projected: Projected) -> Floats:
 
 
 def edge_distance(
-    scene: Surface, camera: View, size: tuple[int, int], relative: float = 0.0, backfaces: str = "default"
+    scene: Surface,
+    camera: View,
+    size: tuple[int, int],
+    relative: float = 0.0,
+    backfaces: str = "default",
+    aside: tuple[float, float] = (0.0, 0.0),
 ) -> Floats:
     """How far each sample is from the nearest edge, in pixels, where that is below 1/2; else inf: float64 [h, w].
 
     The distance is max(|dx|, |dy|): rounding to 1/256 pixel moves a corner by at most 1/512 in x and in y, thus every
     point of an edge too, so a sample that changes sides lies within 1/512 of the true edge in exactly this measure
     (the Euclidean distance can reach sqrt(2) / 512). `relative` is taken off, times the largest coordinate of the
-    edge's ends (counted from the image's corner): what rounding the projection itself may move.
+    edge's ends (counted from the image's corner): what rounding the projection itself may move. aside: see `project`.
     """
-    return outline_distance(segments(project(scene, camera, size, backfaces)), size, relative)
+    return outline_distance(segments(project(scene, camera, size, backfaces, aside)), size, relative)
 
 
 def outline_distance(lines: Floats, size: tuple[int, int], relative: float = 0.0) -> Floats:

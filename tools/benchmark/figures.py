@@ -397,6 +397,23 @@ def textures(bench: Bench) -> Values:
     return {"values": values, "targets": [], "table": table, "notes": notes}
 
 
+@figure("samples", "What smooth edges cost: frames with several samples a pixel, in times those with one")
+def samples(bench: Bench) -> Values:
+    """Measure each scene as it is, unlit and lit."""
+    values: Values = {}
+    table = [["scene", "one sample, ms", *(f"{count} samples, times that" for count in (4, 8, 16))]]
+    for scene, made in bench.scenes.items():
+        for light, options in LIGHTS.items():
+            plain = {"keep_color": False, **options}
+            jobs = [bench.job(made, **plain), *(bench.job(made, samples=count, **plain) for count in (4, 8, 16))]
+            found = bench.take_turns(jobs, together=True)
+            one, *others = ([each["median_s"] for each in rounds] for rounds in found)
+            times = [ratio(seconds, one) for seconds in others]
+            values.setdefault(scene, {})[light] = dict(zip(("4", "8", "16"), times, strict=True))
+            table.append([f"{scene}, {light}", cell(spread(one), 1e3), *map(cell, times)])
+    return {"values": values, "targets": [], "table": table, "notes": ["`sort` over white, without `color`"]}
+
+
 @figure("limit", "Distance from the limit that memory sets")
 def limit(bench: Bench) -> Values:
     copied = bench.bandwidth

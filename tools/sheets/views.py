@@ -23,8 +23,8 @@ class View:
 
     name: of the sheet's file. model: its path. direction: where the camera looks. up: the scene's up. at: what it looks
     at, or None for the centre. zoom: above 1 shows less, larger. lit: whether there is a light at the camera; else
-    colours are as the file has them. own: each program uses the light and the smooth edges that it has by default, where
-    it can. opacity: of every surface, or None for the file's.
+    colours are as the file has them. own: each program uses the light and the smooth edges that it has by default,
+    where it can. opacity: of every surface, or None for the file's.
     """
 
     name: str
