@@ -279,7 +279,7 @@ def wanted_by(
     )
     triangles = Triangles(
         cast(Any, scene), features, True, (32, 32), (0.0, 0.0, 1.0), (1.0, 9.0), (1.0, 9.0), 1.0,
-        1, 1, 0, 0, nothing, nothing, nothing,
+        1, 1, 0, 0, nothing, nothing, nothing, nothing,
     )  # fmt: skip
     gpu = SimpleNamespace(lanes=features.lanes, long_atomics=atomics == 64, put=lambda *_: None, buffer=lambda *_: None)
     targets = None if atomics is None else made.targets(options)

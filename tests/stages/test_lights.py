@@ -27,8 +27,8 @@ SIDE = 6
 DISTANCE = 3.0
 
 SHOWN = 1.5e-3
-"""How far a shown value, 0..1, may be off: the table of what a reflection returns is interpolated, which is right to 1
-% of what it adds or takes, and that is no more than a seventh of what a surface shows here."""
+"""How far a shown value, 0..1, may be off: the table of what a reflection returns is interpolated, right to 1 %.
+That is of what it adds or takes, which is no more than a seventh of what a surface shows here."""
 
 
 def quad(turn: float, tilt: float, finish: Finish, color: Any, lights: tuple[Lamp, ...] = ()) -> clpeel.Scene:
@@ -144,8 +144,7 @@ def test_the_kit_moves_with_the_camera(parallel: bool) -> None:
 @pytest.mark.parametrize("roughness", [0.4, 0.6, 0.8, 1.0])
 @pytest.mark.parametrize("turn", [0.0, 50.0, 75.0])
 def test_a_white_surface_in_even_light_from_lamps_is_white(metallic: float, roughness: float, turn: float) -> None:
-    """A white furnace: lamps all around, as many as the integral over directions needs. Half of white is not cut
-    off."""
+    """A white furnace: lamps all around, as many as the integral needs. Half of white is not cut off."""
     count = 72
     cosine = (np.arange(count) + 0.5) / count  # equal shares of the hemisphere
     around = (np.arange(2 * count) + 0.5) / (2 * count) * 2 * np.pi

@@ -34,15 +34,22 @@ def returned(facing: float, rough: float) -> tuple[float, float]:
     """
     a2 = rough**4
     v = np.array([math.sqrt(1 - facing**2), 0.0, facing])
-    # Half vectors by shares u of D (n.h): cos^2 = (1 - u) / (1 + (a2 - 1) u). The integrand has a pole where n.h is 0,
-    that # is where u is 1: with u = 1 - s^2 and du = 2 s ds it has none. s, turn = np.meshgrid((np.arange(STEPS) + 0.5)
-    / STEPS, (np.arange(STEPS) + 0.5) / STEPS * 2 * np.pi) u = 1 - s**2 cosine = np.sqrt((1 - u) / (1 + (a2 - 1) * u))
-    sine = np.sqrt(1 - cosine**2) h = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=-1) towards = h
-    @ v light = 2 * towards[..., None] * h - v met = np.maximum(light[..., 2], 0) there = (met > 0) & (towards > 0)
-    shadow = met * math.sqrt(facing**2 * (1 - a2) + a2) + facing * np.sqrt(met**2 * (1 - a2) + a2) # D V (n.l) over the
-    density D (n.h) / (4 v.h) of such directions. weight = np.where(there, 0.5 / shadow * met * 4 * towards / cosine, 0)
-    * 2 * s edge = np.where(there, (1 - np.clip(towards, 0, 1)) ** 5, 0) return float((weight * (1 - edge)).mean()),
-    float((weight * edge).mean())
+    # Half vectors by shares u of D (n.h): cos^2 = (1 - u) / (1 + (a2 - 1) u). There is a pole where n.h is 0, so
+    # where u is 1. With u = 1 - s^2 and du = 2 s ds it has none.
+    s, turn = np.meshgrid((np.arange(STEPS) + 0.5) / STEPS, (np.arange(STEPS) + 0.5) / STEPS * 2 * np.pi)
+    u = 1 - s**2
+    cosine = np.sqrt((1 - u) / (1 + (a2 - 1) * u))
+    sine = np.sqrt(1 - cosine**2)
+    h = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=-1)
+    towards = h @ v
+    light = 2 * towards[..., None] * h - v
+    met = np.maximum(light[..., 2], 0)
+    there = (met > 0) & (towards > 0)
+    shadow = met * math.sqrt(facing**2 * (1 - a2) + a2) + facing * np.sqrt(met**2 * (1 - a2) + a2)
+    # D V (n.l) over the density D (n.h) / (4 v.h) of such directions.
+    weight = np.where(there, 0.5 / shadow * met * 4 * towards / cosine, 0) * 2 * s
+    edge = np.where(there, (1 - np.clip(towards, 0, 1)) ** 5, 0)
+    return float((weight * (1 - edge)).mean()), float((weight * edge).mean())
 
 
 def seen(

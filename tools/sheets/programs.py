@@ -11,6 +11,7 @@ from benchmark.runs import Failed, run
 from PIL import Image
 
 import clpeel
+from clpeel.rendering.keywords import Keywords
 from clpeel.rendering.options import Lighting
 from sheets.views import BACKGROUND, SIDE, View
 
@@ -58,8 +59,8 @@ def drawn(scene: clpeel.Scene, camera: clpeel.Camera, view: View) -> Image.Image
     lighting: Lighting = "headlight" if view.lit else "none"
     if view.own:
         lighting = "scene" if scene.lights else "kit"
-    samples = 4 if view.own else 1
-    result = clpeel.render(scene, camera, (SIDE, SIDE), background=BACKGROUND, lighting=lighting, samples=samples)
+    options: Keywords = {"samples": 4} if view.own else {}
+    result = clpeel.render(scene, camera, (SIDE, SIDE), background=BACKGROUND, lighting=lighting, **options)
     return Image.fromarray(result.image)
 
 
