@@ -201,6 +201,8 @@ class Scene:
         opaque, routed, hiding = np.broadcast_to(solid, (count,)).copy(), no.copy(), no.copy()
         unit = as_float(self.colors)[..., 3]
         for place, material in enumerate(self.materials):
+            if material.plain:
+                continue
             own = np.flatnonzero(self.face_materials == place)
             if self.vertex_colors is not None:
                 corners = unit[self.faces[own]]
