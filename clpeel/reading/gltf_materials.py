@@ -21,7 +21,6 @@ from clpeel.reading.gltf_document import (
     extension,
     fields,
     number,
-    title,
     unit_numbers,
 )
 from clpeel.reading.gltf_mapping import Mapped, Mapping, mapped
@@ -166,7 +165,7 @@ class Materials:
                 return None
             texture = self.textures.late(lies.index, colors=key == "emissiveTexture")
         except InputError as error:
-            self.document.note(f"{_KINDS[key]} texture of material {name} left out: {error}")
+            self.document.note(f"{_KINDS[key]} texture of material {named(name)} left out: {error}")
             return None
         return None if texture is None else (lies.mapping, {f"{_word(key)}_texture": texture, **found})
 
@@ -180,7 +179,7 @@ class Materials:
 
     def _lose(self, text: str, name: str) -> None:
         """Keep what a material loses for a note."""
-        self._losses.setdefault(text, []).append(name)
+        self._losses.setdefault(text, []).append(named(name))
 
     def _mapped(self, primitive: Primitive) -> Mapped | None:
         """Return the texture of a primitive, or None if its material has none, or it has no coordinates for it."""
@@ -195,7 +194,7 @@ class Materials:
             return _Recipe()
         material = self.document.entry("materials", index)
         if index not in self._recipes:
-            self._recipes[index] = self._read(material, title(material, index))
+            self._recipes[index] = self._read(material, str(material.get("name") or index))
         return self._recipes[index]
 
     def _read(self, material: Json, name: str) -> _Recipe:

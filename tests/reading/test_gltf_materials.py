@@ -136,7 +136,7 @@ def test_a_material_has_what_the_file_says(tmp_path: Path, mode: str) -> None:
     color |= {"baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.6, "roughnessFactor": 0.7}
     scene = document.load(tmp_path)
     material = only(scene)
-    assert material.base_color == (0.1, 0.2, 0.3, 0.4) and material.name == "'wood'"
+    assert material.base_color == (0.1, 0.2, 0.3, 0.4) and material.name == "wood"
     assert (material.alpha_mode, material.alpha_cutoff, material.opacity, material.unlit) == (mode, 0.3, 1, False)
     assert (material.finish.metallic, material.finish.roughness) == (0.6, 0.7)
     assert material.finish.emissive == (0.1, 0.2, 0.3) and not material.plain

@@ -490,7 +490,7 @@ def test_truck_wheels_stand_in_their_two_places() -> None:
 def test_alpha_modes_of_the_khronos_model() -> None:
     scene = load(model("AlphaBlendModeTest.glb"))
     assert scene.surfaces == "mixed" and scene.face_materials is not None
-    assert {m.name.strip("'"): (m.alpha_mode, m.alpha_cutoff) for m in scene.materials} == {
+    assert {m.name: (m.alpha_mode, m.alpha_cutoff) for m in scene.materials} == {
         "MatBed": ("OPAQUE", 0.5),
         "MatOpaque": ("OPAQUE", 0.5),
         "MatBlend": ("BLEND", 0.5),
@@ -498,7 +498,7 @@ def test_alpha_modes_of_the_khronos_model() -> None:
         "MatCutoffDefault": ("MASK", 0.5),
         "MatCutoff75": ("MASK", 0.75),
     }
-    names = [scene.materials[place].name.strip("'").removeprefix("Mat") for place in scene.face_materials]
+    names = [scene.materials[place].name.removeprefix("Mat") for place in scene.face_materials]
     counts = {"Bed": 30, "Opaque": 21, "Blend": 4, "Cutoff25": 2, "CutoffDefault": 2, "Cutoff75": 2}
     assert {name: names.count(name) for name in counts} == counts and len(names) == sum(counts.values())
     assert scene.single_sided is not None
