@@ -21,6 +21,7 @@ from clpeel.scene.images import LateImage
 from clpeel.scene.lights import AmbientLight, DirectionalLight, PointLight
 from clpeel.scene.materials import Finish, Material
 from clpeel.scene.scene import Scene
+from clpeel.scene.tangents import tangents_of
 from clpeel.scene.textures import Texture
 from clpeel.stages import shading
 from clpeel.stages.shading import readable
@@ -153,6 +154,34 @@ def test_maps_bend_the_normals_of_vertices() -> None:
     texel = (0.3, 0.4, 0.8)
     got = drawn(quad(Finish(0.2, 0.4, normal_texture=bump(texel)), normal=n))
     np.testing.assert_allclose(got, drawn(quad(Finish(0.2, 0.4), normal=np.array(texel) @ [t, b, n])), atol=SAME)
+
+
+def test_tangents_vary_over_a_face(lanes: int) -> None:
+    """They are those of the vertices, by each pixel's shares of them. The faces around the one in view bend them."""
+    points = [(-20, -20, 0), (20, -20, 0), (0, 20, 0), (0, -60, 0), (60, 20, 0), (-60, 20, 0)]
+    uv = [(0, 1), (1, 0.7), (0.3, 0), (2, 1.5), (1.5, -3), (-1, -2)]
+    texel, base = (0.5, 0.1, 0.8), {"base_color": (0.5, 0.3, 0.2, 1.0)}
+    scene = Scene.from_arrays(
+        points,
+        [(0, 1, 2), (1, 0, 3), (2, 1, 4), (0, 2, 5)],
+        materials=[Material(finish=Finish(0.2, 0.4, normal_texture=bump(texel)), **base)],  # type: ignore[arg-type]
+        uv=uv,
+        lights=LIGHTS,
+    )
+    tangents = tangents_of(scene)[:3].astype(float)
+    assert (tangents @ tangents.T).min() < 0.9, "they are plainly not all alike"
+    got = drawn(scene, lanes=lanes)
+    half = 3 * math.tan(math.radians(20))
+    for row in range(SIDE):
+        for column in range(SIDE):
+            x, y = (2 * column + 1 - SIDE) / SIDE * half, (SIDE - 1 - 2 * row) / SIDE * half
+            share = np.linalg.solve(np.vstack([np.array(points[:3]).T[:2], np.ones(3)]), [x, y, 1])
+            tangent = share @ tangents
+            tangent /= np.linalg.norm(tangent)
+            bitangent = np.cross((0, 0, 1), tangent)  # as the image is not mirrored on the face in view
+            normal = np.array(texel) @ [tangent, bitangent, (0, 0, 1)]
+            want = drawn(quad(Finish(0.2, 0.4), normal=normal, turn=0), lanes=lanes)
+            np.testing.assert_allclose(got[row, column], want[row, column], atol=SAME)
 
 
 def test_each_texel_counts_where_it_lies(lanes: int) -> None:
