@@ -18,6 +18,7 @@ from clpeel.reading.gltf_document import (
     numbers,
     objects,
     place,
+    title,
 )
 from clpeel.reading.transforms import Reals
 from clpeel.scene.lights import DirectionalLight, Lamp, PointLight, SpotLight, Vector
@@ -31,26 +32,32 @@ def lights_of(document: Document, worlds: Reals) -> tuple[Lamp, ...]:
 
     worlds: of all nodes, float64 [n, 4, 4]. A light points along its node's -z.
     """
-    held = extension(document.tree, LIGHTS)
-    known = [] if held is None else objects(held, "lights")
     found = list[Lamp]()
     for index in gltf_nodes.shown(document):
-        node = extension(document.entry("nodes", index), LIGHTS)
-        if node is None:
-            continue
+        node = document.entry("nodes", index)
         try:
-            found.append(_light(known[place("lights", node.get("light"), len(known))], worlds[index]))
+            light = _named_light(document, node)
+            if light is not None:
+                found.append(_light(light, worlds[index]))
         except InputError as error:
-            document.note(f"a light left out: {error}")
+            document.note(f"light of node {title(node, index)} left out: {error}")
     return tuple(found)
+
+
+def _named_light(document: Document, node: Json) -> Json | None:
+    """Return the light that a node names, or None if it names none. Raises InputError."""
+    named_by = extension(node, LIGHTS)
+    if named_by is None:
+        return None
+    known = objects(extension(document.tree, LIGHTS) or {}, "lights")
+    return known[place("lights", named_by.get("light"), len(known))]
 
 
 def _light(light: Json, world: Reals) -> Lamp:
     """Return a light at its node's place. Raises InputError."""
     red, green, blue = numbers("color", light.get("color", [1, 1, 1]), 3)
     strength = number("intensity", light.get("intensity", 1))
-    ahead: Vector = tuple(-world[:3, 2])
-    there: Vector = tuple(world[:3, 3])
+    ahead, there = _vector(-world[:3, 2]), _vector(world[:3, 3])
     color = (red, green, blue)
     kind = light.get("type")
     if kind == "directional":
@@ -72,3 +79,9 @@ def _light(light: Json, world: Reals) -> Lamp:
         inner_angle=math.degrees(inner),
         outer_angle=math.degrees(outer),
     )
+
+
+def _vector(values: Reals) -> Vector:
+    """Return three numbers of an array."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z

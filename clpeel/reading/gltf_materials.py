@@ -21,7 +21,6 @@ from clpeel.reading.gltf_document import (
     extension,
     fields,
     number,
-    title,
     unit_numbers,
 )
 from clpeel.reading.gltf_mapping import Mapped, Mapping, mapped
@@ -64,7 +63,7 @@ class _Recipe:
     opacity: float = 1.0
     unlit: bool = False
     single_sided: bool = True
-    finish: Finish | None = None
+    finish: Finish = Finish()
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ class Materials:
         self.document, self.textures = document, textures
         self._recipes: dict[int, _Recipe] = {}
         self._made: dict[tuple[object, bool, AlphaMode, tuple[Mapping, ...]], Material] = {}
-        self._plain: dict[Finish | None, Material] = {}
+        self._plain: dict[tuple[object, ...], Material] = {}
         self._looks: dict[Primitive, Look | None] = {}
         self._kinds = set[str]()
         self._losses: dict[str, list[str]] = {}
@@ -117,7 +116,8 @@ class Materials:
         finish, mappings = self._finished(primitive, None if texture is None else base)
         if not mappings and not colored and mode != "MASK" and not recipe.unlit:
             alpha = recipe.base_color[3] if mode == "BLEND" else recipe.opacity
-            material = self._plain.setdefault(finish, Material(plain=True, finish=finish))
+            numbers = finish.metallic, finish.roughness, finish.emissive  # which are all that it has without textures
+            material = self._plain.setdefault(numbers, Material(plain=True, finish=finish))
             return Look(recipe.single_sided, material, _shown(recipe.base_color[:3], alpha))
         key = (primitive.material, texture is not None, mode, mappings)
         if key not in self._made:
@@ -134,16 +134,13 @@ class Materials:
             )
         return Look(recipe.single_sided, self._made[key], mappings=mappings)
 
-    def _finished(self, primitive: Primitive, base: Mapped | None) -> tuple[Finish | None, tuple[Mapping, ...]]:
+    def _finished(self, primitive: Primitive, base: Mapped | None) -> tuple[Finish, tuple[Mapping, ...]]:
         """Return the finish of a primitive's material with its textures, and the mappings of all textures, each once.
 
         base: the texture of the base colour, if there is one.
         """
         recipe = self._recipe(primitive.material)
-        mappings = [] if base is None else [base.mapping]
-        if recipe.finish is None:
-            return None, tuple(mappings)
-        finish = recipe.finish
+        mappings, finish = [] if base is None else [base.mapping], recipe.finish
         for key, holder in recipe.for_lights:
             late = self._late(primitive, recipe.name, key, holder)
             if late is None:
@@ -168,7 +165,7 @@ class Materials:
                 return None
             texture = self.textures.late(lies.index, colors=key == "emissiveTexture")
         except InputError as error:
-            self.document.note(f"{_KINDS[key]} texture of material {name} left out: {error}")
+            self.document.note(f"{_KINDS[key]} texture of material {named(name)} left out: {error}")
             return None
         return None if texture is None else (lies.mapping, {f"{_word(key)}_texture": texture, **found})
 
@@ -182,7 +179,7 @@ class Materials:
 
     def _lose(self, text: str, name: str) -> None:
         """Keep what a material loses for a note."""
-        self._losses.setdefault(text, []).append(name)
+        self._losses.setdefault(text, []).append(named(name))
 
     def _mapped(self, primitive: Primitive) -> Mapped | None:
         """Return the texture of a primitive, or None if its material has none, or it has no coordinates for it."""
@@ -197,7 +194,7 @@ class Materials:
             return _Recipe()
         material = self.document.entry("materials", index)
         if index not in self._recipes:
-            self._recipes[index] = self._read(material, title(material, index))
+            self._recipes[index] = self._read(material, str(material.get("name") or index))
         return self._recipes[index]
 
     def _read(self, material: Json, name: str) -> _Recipe:

@@ -157,10 +157,9 @@ class Material:
 
         alpha: of the scene's colours at the faces' corners, 0..1, [k] or [k, 3].
         """
-        corners = alpha.reshape(len(alpha), -1) if self.alpha_of_scene else np.ones((len(alpha), 1))
         if self.plain:
-            none = np.zeros(len(alpha), bool)
-            return (corners == 1).all(axis=1), none, none
+            raise ValueError("faces with a plain material are what the scene's alphas say")
+        corners = alpha.reshape(len(alpha), -1) if self.alpha_of_scene else np.ones((len(alpha), 1))
         least, most = corners.min(axis=1), corners.max(axis=1)
         low, high = self.texel_alphas
         none, every = np.zeros(len(alpha), bool), np.full(len(alpha), self.opacity == 1)

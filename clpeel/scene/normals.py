@@ -25,8 +25,10 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
     The scene's own normals are kept if they are finite and not zero. Any other corner gets the mean of face normals,
     weighted by area: those of the faces at its position that lie within crease_angle degrees of its own face. Angles
     above 90 count as 90. Faces meet where their positions are equal, whatever their indices are. Winding does not
-    matter: two faces are compared as if they were wound alike. A normal lies on the side of its own face, so that it
-    interpolates well over that face.
+    matter: two faces are compared as if they were wound alike.
+
+    A normal lies on the front of its own face, so that it interpolates well over that face, and lights know its sides.
+    Where the scene's own normal lies on the back of a face, that corner gets it turned.
 
     At a crease where more than 256 corners meet, faces are grouped by direction, with the same limit on the angle.
     Faces keep their count and order. A vertex gets +Z if none of its faces has an area.
@@ -39,8 +41,9 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
     normals, known = _given(scene)
     points = _scaled(scene)
     areas = _area_normals(points, scene.faces)
-    if known.all() or known[scene.faces].all():
-        return _turned(replace(scene, vertex_normals=_filled(normals)), areas)
+    of_file = known[scene.faces]
+    if of_file.all():
+        return _turned(replace(scene, vertex_normals=_filled(normals)), areas, of_file)
     units = _unit(areas)
     usable = np.asarray(units.any(axis=0))
     first, place = _distinct(points)
@@ -49,29 +52,31 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
 
     # Smooth corners share the one normal of their place. All other corners get normals of their own.
     normals = np.where(known[:, None], normals, axes.T[place].astype(np.float32))
-    computed = ~known[scene.faces] & usable[:, None]
+    computed = ~of_file & usable[:, None]
     own = computed & (creased[place_of_corner] | (side < 0))
     if not own.any():
-        return replace(scene, vertex_normals=_filled(normals))
+        return _turned(replace(scene, vertex_normals=_filled(normals)), areas, of_file)
     corner_normals = -axes.T[place_of_corner[own]]
     at_crease = creased[place_of_corner[own]]
     sharp = np.flatnonzero(creased[place_of_corner] & usable[:, None])
     sharp_normals = _unit(_creased(units, areas, sharp, place_of_corner.reshape(-1)[sharp], crease))
     corner_normals[at_crease] = sharp_normals.T[computed.reshape(-1)[sharp]]
-    return _split(scene, normals, own, corner_normals.astype(np.float32))
+    return _turned(_split(scene, normals, own, corner_normals.astype(np.float32)), areas, of_file)
 
 
-def _turned(scene: Scene, areas: Floats) -> Scene:
-    """Return the scene with its own normals turned, where they lie on the back of a face, so that lights know its
-    sides.
+def _turned(scene: Scene, areas: Floats, of_file: NDArray[np.bool_]) -> Scene:
+    """Return the scene with its own normals turned where they lie on the back of a face.
 
-    areas: face normals [3, m].
+    areas: face normals [3, m]. of_file: the corners that have such normals, bool [m, 3]. Computed ones are right.
     """
+    if not of_file.any():
+        return scene
     normals = scene.vertex_normals
     assert normals is not None
     wrong = np.empty(scene.faces.shape, bool)
     for corner in range(3):
         wrong[:, corner] = _dot(normals[scene.faces[:, corner]].T.astype(np.float64), areas) < 0
+    wrong &= of_file
     if not wrong.any():
         return scene
     return _split(scene, normals.copy(), wrong, -normals[scene.faces[wrong]])

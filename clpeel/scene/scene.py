@@ -201,6 +201,8 @@ class Scene:
         opaque, routed, hiding = np.broadcast_to(solid, (count,)).copy(), no.copy(), no.copy()
         unit = as_float(self.colors)[..., 3]
         for place, material in enumerate(self.materials):
+            if material.plain:
+                continue
             own = np.flatnonzero(self.face_materials == place)
             if self.vertex_colors is not None:
                 corners = unit[self.faces[own]]
@@ -240,7 +242,7 @@ class Scene:
         most = float(as_float(alpha).max(initial=0.0))
         faces = np.bincount(of_faces[~plain], minlength=len(self.materials))
         for material, count in zip(self.materials, faces, strict=True):
-            if count and not material.plain:
+            if count:
                 values, shares = material.transparent_alphas(most)
                 found.append((values, shares * count))
         values, counts = (np.concatenate(each) for each in zip(*found, strict=True))

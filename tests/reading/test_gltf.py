@@ -256,7 +256,7 @@ def test_required_extensions_that_are_not_read_are_refused_by_name(tmp_path: Pat
 
 
 @pytest.mark.parametrize("required", [True, False])
-@pytest.mark.parametrize("name", ["KHR_materials_clearcoat", "KHR_lights_punctual", "EXT_texture_avif"])
+@pytest.mark.parametrize("name", ["KHR_materials_clearcoat", "EXT_lights_image_based", "EXT_texture_avif"])
 def test_extensions_of_appearance_are_noted_by_name(tmp_path: Path, name: str, required: bool) -> None:
     document = Document(POINTS[:3])
     document.more = {"extensionsUsed": [name], **({"extensionsRequired": [name]} if required else {})}
@@ -270,7 +270,7 @@ def test_extensions_of_appearance_are_noted_by_name(tmp_path: Path, name: str, r
             "KHR_materials_unlit KHR_texture_transform KHR_texture_basisu EXT_texture_webp KHR_mesh_quantization"
         ).split(),
         *("KHR_materials_pbrSpecularGlossiness KHR_draco_mesh_compression EXT_mesh_gpu_instancing KHR_xmp").split(),
-        *("EXT_meshopt_compression KHR_meshopt_compression KHR_materials_transmission").split(),
+        *("EXT_meshopt_compression KHR_meshopt_compression KHR_materials_transmission KHR_lights_punctual").split(),
     ],
 )
 def test_extensions_that_are_read_need_no_note(tmp_path: Path, name: str) -> None:

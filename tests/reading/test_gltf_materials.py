@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,13 @@ def only(scene: Scene) -> Any:
     return material
 
 
+def finish(scene: Scene) -> tuple[float, float, tuple[float, ...]]:
+    """Metallic, roughness and emissive of a scene's one material, which is plain: the scene's colours are shown."""
+    material = only(scene)
+    assert material.plain and material.finish is not None and material.finish.uv_sets == 0
+    return material.finish.metallic, material.finish.roughness, material.finish.emissive
+
+
 def based(*factor: float, **more: Any) -> dict[str, Any]:
     """A material of this base colour."""
     return {"pbrMetallicRoughness": {"baseColorFactor": list(factor)}, **more}
@@ -41,7 +49,8 @@ def srgb(value: float) -> float:
 @pytest.mark.parametrize(("mode", "alpha"), [("OPAQUE", 1), ("BLEND", 0.25)])
 def test_plain_colors_are_shown_as_srgb(tmp_path: Path, mode: str, alpha: float) -> None:
     scene = plain(based(0.8, 0.002, 0.2, 0.25, alphaMode=mode)).load(tmp_path)
-    assert scene.color is not None and scene.color.dtype == np.float32 and not scene.materials
+    assert scene.color is not None and scene.color.dtype == np.float32
+    assert finish(scene) == (1, 1, (0, 0, 0)) and scene.surfaces == ("opaque" if alpha == 1 else "transparent")
     np.testing.assert_allclose(scene.color, [srgb(0.8), 0.02584, srgb(0.2), alpha], atol=1e-7)
     assert math.floor(scene.color[0] * 255 + 0.5) == 231
 
@@ -56,14 +65,36 @@ def test_colors_that_are_whole_bytes_are_stored_as_bytes(tmp_path: Path) -> None
 @pytest.mark.parametrize("material", [None, {}])
 def test_the_default_material_is_white_and_single_sided(tmp_path: Path, material: Any) -> None:
     scene = plain(material).load(tmp_path)
-    assert scene.color is not None and scene.color.tolist() == [255, 255, 255, 255] and not scene.materials
+    assert scene.color is not None and scene.color.tolist() == [255, 255, 255, 255]
+    assert finish(scene) == (1, 1, (0, 0, 0)), "glTF 2.0, section 3.9.6: all properties have their default values"
     assert scene.single_sided is not None and scene.single_sided.tolist() == [True]
 
 
-def test_emissive_colors_are_noted(tmp_path: Path) -> None:
-    scene = plain(based(0, 0, 0, 1, emissiveFactor=[1, 0, 0], name="lamp")).load(tmp_path)
-    assert scene.notes == ("emissive colours left out: 'lamp'",)
-    assert plain(based(0, 0, 0, 1, emissiveFactor=[0, 0, 0])).load(tmp_path).notes == ()
+def test_plain_materials_have_what_lights_need(tmp_path: Path) -> None:
+    material = based(0, 0, 0, 1, emissiveFactor=[1, 0, 0.5])
+    material["pbrMetallicRoughness"] |= {"metallicFactor": 0.25, "roughnessFactor": 0.75}
+    scene = plain(material).load(tmp_path)
+    assert scene.notes == () and finish(scene) == (0.25, 0.75, (1, 0, 0.5))
+    material["pbrMetallicRoughness"] |= {"metallicFactor": 7, "roughnessFactor": -1}
+    assert finish(plain(material).load(tmp_path))[:2] == (1, 0)
+
+
+def test_plain_materials_of_the_same_numbers_are_one(tmp_path: Path) -> None:
+    """Models of parts have thousands of colours, and few finishes."""
+    document = plain(based(1, 0, 0, 1, name="red"))
+    dull = based(1, 0, 0, 1)
+    dull["pbrMetallicRoughness"]["roughnessFactor"] = 0.5
+    document.more["materials"] += [based(0, 0, 1, 1, name="blue"), dull]
+    primitives = [{**document.primitive, "material": number} for number in (0, 1, 2, 0)]
+    document.more["meshes"] = [{"primitives": [*primitives, {"attributes": document.primitive["attributes"]}]}]
+    scene = document.load(tmp_path)
+    assert [(m.plain, m.finish and m.finish.roughness) for m in scene.materials] == [(True, 1), (True, 0.5)]
+    assert scene.face_materials is not None and scene.face_materials.tolist() == [0, 0, 1, 0, 0]
+    red, blue, white = [255, 0, 0, 255], [0, 0, 255, 255], [255] * 4
+    assert scene.face_colors is not None and scene.face_colors.tolist() == [red, blue, red, red, white]
+    again = pickle.loads(pickle.dumps(scene))
+    assert [vars(m.finish) for m in again.materials] == [vars(m.finish) for m in scene.materials]
+    np.testing.assert_array_equal(again.face_materials, scene.face_materials)
 
 
 def test_double_sided_faces_are_seen_from_both_sides(tmp_path: Path) -> None:
@@ -83,7 +114,8 @@ def test_masks_of_one_alpha_are_decided_at_once(tmp_path: Path, cutoff: float | 
         assert len(scene.faces) == 1
     else:
         scene = document.load(tmp_path)
-        assert scene.color is not None and scene.color.tolist() == [255, 255, 255, 255] and not scene.materials
+        assert scene.color is not None and scene.color.tolist() == [255, 255, 255, 255]
+        assert only(scene).plain and scene.opaque
 
 
 def test_specular_glossiness_has_a_base_color_too(tmp_path: Path) -> None:
@@ -91,6 +123,7 @@ def test_specular_glossiness_has_a_base_color_too(tmp_path: Path) -> None:
     material = based(0, 1, 0, 1, alphaMode="BLEND", extensions={"KHR_materials_pbrSpecularGlossiness": gloss})
     scene = plain(material).load(tmp_path)
     assert scene.color is not None and scene.color.tolist() == [255, 0, 0, 51]
+    assert finish(scene) == (0, 0.25, (0, 0, 0)), "a dielectric, whose roughness is 1 - glossiness"
 
 
 # --- materials --------------------------------------------------------------------------------------------------------
@@ -103,10 +136,10 @@ def test_a_material_has_what_the_file_says(tmp_path: Path, mode: str) -> None:
     color |= {"baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.6, "roughnessFactor": 0.7}
     scene = document.load(tmp_path)
     material = only(scene)
-    assert material.base_color == (0.1, 0.2, 0.3, 0.4) and material.name == "'wood'"
+    assert material.base_color == (0.1, 0.2, 0.3, 0.4) and material.name == "wood"
     assert (material.alpha_mode, material.alpha_cutoff, material.opacity, material.unlit) == (mode, 0.3, 1, False)
-    assert (material.light.metallic, material.light.roughness) == (0.6, 0.7)
-    assert material.light.emissive == (0.1, 0.2, 0.3)
+    assert (material.finish.metallic, material.finish.roughness) == (0.6, 0.7)
+    assert material.finish.emissive == (0.1, 0.2, 0.3) and not material.plain
     assert scene.color is not None and scene.color.tolist() == [255, 255, 255, 255]
     np.testing.assert_array_equal(material.texture.image, np.full((2, 2, 4), (255, 0, 0, 255)))
     np.testing.assert_array_equal(scene.uv, UV)
@@ -140,8 +173,8 @@ def test_a_material_of_several_primitives_is_one_object(tmp_path: Path) -> None:
     document.more["materials"].append({"name": "other"})
     document.more["meshes"] = [{"primitives": [document.primitive, other, document.primitive]}]
     scene = document.load(tmp_path)
-    assert len(scene.materials) == 1 and scene.face_materials is not None
-    assert scene.face_materials.tolist() == [0, -1, 0]
+    assert [material.plain for material in scene.materials] == [False, True]
+    assert scene.face_materials is not None and scene.face_materials.tolist() == [0, 1, 0]
 
 
 # Transmission t leaves 1 - t of the alpha, and 0.1 or more of it.
@@ -226,7 +259,7 @@ def test_coordinates_are_scaled_turned_and_shifted(tmp_path: Path) -> None:
 def test_a_texture_without_coordinates_is_noted(tmp_path: Path) -> None:
     scene = textured(png(), {"texCoord": 1}, name="oak").load(tmp_path)
     assert scene.notes == ("textures left out, as meshes lack the coordinates for those of materials: 'oak'",)
-    assert not scene.materials and scene.uv is None
+    assert only(scene).plain and scene.uv is None
 
 
 # --- samplers and images ----------------------------------------------------------------------------------------------
@@ -289,7 +322,7 @@ def test_images_are_decoded_once_and_only_if_they_are_drawn(tmp_path: Path, monk
     first, second = (material.texture for material in scene.materials)
     assert first is not None and second is not None and first.image is second.image
     assert (first.magnify, second.magnify) == ("linear", "nearest")
-    assert scene.notes[0] == "textures left out, as only base colours are drawn: normal, emissive, metallic-roughness"
+    assert not [note for note in scene.notes if not note.startswith("duplicate faces")]
 
 
 @pytest.mark.parametrize("name", ["EXT_texture_webp", "KHR_texture_basisu"])
@@ -310,7 +343,7 @@ def test_the_image_of_an_extension_comes_first(tmp_path: Path, name: str, good: 
 def test_bad_images_are_noted_by_name(tmp_path: Path) -> None:
     scene = textured(b"no image").load(tmp_path)
     assert scene.notes == ("texture 'wood' left out: expected an image, got text that begins with 'no image'",)
-    assert scene.color is not None and not scene.materials
+    assert scene.color is not None and scene.color.tolist() == [255] * 4 and finish(scene) == (1, 1, (0, 0, 0))
     (note,) = textured(png(np.zeros((1, 16385, 3)))).load(tmp_path).notes
     assert note == "texture 'wood' left out: too large, 16,385 x 1 texels; at most 16,384 x 16,384 are read"
 
@@ -336,19 +369,24 @@ def test_images_beside_the_file_may_have_escaped_names(tmp_path: Path) -> None:
     assert only(document.load(tmp_path)).texture.image[0, 0].tolist() == [255, 0, 0, 255]
 
 
-def test_textures_that_are_no_base_color_are_one_note(tmp_path: Path) -> None:
+def test_textures_that_are_not_drawn_are_one_note(tmp_path: Path) -> None:
     texture = {"index": 0}
-    document = textured(png(), emissiveTexture=texture, normalTexture=texture, occlusionTexture=texture)
-    assert document.load(tmp_path).notes == (
-        "textures left out, as only base colours are drawn: normal, occlusion, emissive",
-    )
+    drawn = {"emissiveTexture": texture, "normalTexture": texture, "occlusionTexture": texture}
+    assert textured(png(), **drawn).load(tmp_path).notes == ()
+    others = {
+        "KHR_materials_pbrSpecularGlossiness": {"diffuseTexture": texture, "specularGlossinessTexture": texture},
+        "KHR_materials_transmission": {"transmissionTexture": texture},
+    }
+    document = textured(png(), **drawn, extensions=others)
+    assert document.load(tmp_path).notes == ("textures left out: specular-glossiness, transmission",)
 
 
 def test_coordinates_stay_beside_faces_without_a_texture(tmp_path: Path) -> None:
     document = textured(png())
     document.more["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}}, document.primitive]}]
     scene = document.load(tmp_path)
-    assert scene.face_materials is not None and scene.face_materials.tolist() == [-1, 0]
+    assert scene.face_materials is not None and scene.face_materials.tolist() == [0, 1]
+    assert [material.plain for material in scene.materials] == [True, False]
     np.testing.assert_array_equal(scene.uv, [*np.zeros((3, 2)), *UV])
     np.testing.assert_array_equal(scene.vertices, [*POINTS[:3], *POINTS[:3]])
 

@@ -108,6 +108,56 @@ def test_the_shared_model_of_meshlab_is_opaque_and_textured(model: Any) -> None:
     assert len(scene.faces) == 1000 and scene.uv is not None and scene.vertex_normals is not None
 
 
+# --- how light falls on them ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("lines", "metallic", "roughness", "emissive"),
+    [
+        ("Ns 0", 0, 1, (0, 0, 0)),
+        ("Ns 30", 0, 0.5, (0, 0, 0)),  # (2 / 32)^(1/4)
+        ("Ns 510", 0, 0.25, (0, 0, 0)),  # (2 / 512)^(1/4)
+        ("Ns 30\nKs 0.5 0.5 0.5", 0, 0.5, (0, 0, 0)),
+        ("Ns 510\nKs 0 0 0", 0, 1, (0, 0, 0)),  # no highlight, however narrow it would be
+        ("Ks 0", 0, 1, (0, 0, 0)),
+        ("Ks 0 0 0\nPr 0.3", 0, 0.3, (0, 0, 0)),
+        ("Pr 0.3\nNs 510", 0, 0.3, (0, 0, 0)),
+        ("Pm 0.75", 0.75, 0.5, (0, 0, 0)),
+        ("Pm 0.75\nPr 0.1", 0.75, 0.1, (0, 0, 0)),
+        ("PR 0\nPM 1", 1, 0, (0, 0, 0)),
+        ("Ke 0.5 0.2 1", 0, 0.5, (light(0.5), light(0.2), 1)),
+        ("Ke 0.5", 0, 0.5, (light(0.5),) * 3),
+        ("Ke 5 0.5 -1", 0, 0.5, (1, light(0.5), 0)),
+        ("Ke 0 0 0\nNs 30", 0, 0.5, (0, 0, 0)),
+        ("Ns -7", 0, 1, (0, 0, 0)),
+        ("Ns 1e30\nKs 1 1 1", 0, 0, (0, 0, 0)),
+        ("Pr 7\nPm -3", 0, 1, (0, 0, 0)),
+        ("Pr -7\nPm 3", 1, 0, (0, 0, 0)),
+        ("Pr x\nNs 30", 0, 0.5, (0, 0, 0)),
+        ("Ns 30 # dull\nKs 1 # white", 0, 0.5, (0, 0, 0)),
+    ],
+)
+def test_finishes(tmp_path: Path, lines: str, metallic: float, roughness: float, emissive: Any) -> None:
+    found = oak(tmp_path, f"Kd 1 0 0\n{lines}").finish
+    assert found is not None and found.uv_sets == 0
+    np.testing.assert_allclose([found.metallic, found.roughness], [metallic, roughness], atol=1e-7)
+    np.testing.assert_allclose(found.emissive, emissive, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "lines", ["d 1", "Ke 0 0 0", "Ks 1 1 1", "Ns shiny", "Ns nan", "Pr inf", "Pm", "Ke spectral lamp.rfl", "Ks xyz 1 2"]
+)
+def test_materials_that_say_nothing_of_light_have_no_finish(tmp_path: Path, lines: str) -> None:
+    assert oak(tmp_path, f"Kd 1 0 0\n{lines}").finish is None
+
+
+def test_textured_and_clear_materials_have_a_finish_too(tmp_path: Path) -> None:
+    red(tmp_path / "wood.png")
+    found = oak(tmp_path, "map_Kd wood.png\nd 0.5\nPr 0.25")
+    assert found.texture is not None and found.alpha_mode == "BLEND" and not found.plain
+    assert found.finish is not None and found.finish.roughness == 0.25
+
+
 # --- textures ---------------------------------------------------------------------------------------------------------
 
 

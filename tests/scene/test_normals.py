@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -225,15 +226,53 @@ def test_minus_zero_is_zero() -> None:
 
 
 def test_given_normals_are_kept() -> None:
+    """Those of a ball, each tilted by up to a third of a right angle, which leaves it in front of its faces."""
     ball = shape("icosphere", subdivisions=1)
     rng = np.random.default_rng(0)
-    given_normals = rng.normal(size=ball.vertices.shape).astype(np.float32)
+    given_normals = (ball.vertices + rng.uniform(-0.25, 0.25, ball.vertices.shape)).astype(np.float32)
     scene = Scene.from_arrays(ball.vertices, ball.faces, vertex_normals=given_normals * 1e30)
     got = with_normals(scene)
     assert got.vertices is scene.vertices and got.faces is scene.faces
     np.testing.assert_allclose(
         got.vertex_normals, given_normals / np.linalg.norm(given_normals, axis=1)[:, None], atol=1e-6
     )
+
+
+def sided(scene: Scene, normals: np.ndarray) -> np.ndarray:
+    """float64 [m, 3, 3]: the normal of each corner, turned if it lies on the back of the face. An obvious loop."""
+    found = normals[scene.faces].astype(np.float64)
+    for face, corner in np.ndindex(scene.faces.shape):
+        if found[face, corner] @ face_normals(scene)[face] < 0:
+            found[face, corner] *= -1
+    return found
+
+
+def test_given_normals_on_the_back_of_a_face_are_turned_there() -> None:
+    """Lights ask on which side of its face a normal lies."""
+    ball = shape("icosphere", subdivisions=1)
+    normals = ball.vertices.astype(np.float32)
+    inward = Scene.from_arrays(ball.vertices, ball.faces, vertex_normals=-normals)
+    got = check(inward, with_normals(inward))
+    np.testing.assert_allclose(got, ball.vertices[ball.faces], atol=1e-6)
+    assert len(with_normals(inward).vertices) == len(ball.vertices), "all faces at a vertex agree, so none is split"
+    mixed = turned(ball, 3)
+    mixed = Scene.from_arrays(mixed.vertices, mixed.faces, vertex_normals=normals, vertex_colors=np.abs(normals) / 2)
+    np.testing.assert_allclose(check(mixed, with_normals(mixed)), sided(mixed, normals), atol=1e-6)
+    random = np.random.default_rng(4).normal(size=normals.shape).astype(np.float32)
+    random /= np.linalg.norm(random, axis=1)[:, None]
+    random = np.where(np.arange(len(random))[:, None] % 3 == 0, 0, random)  # of these, none is given
+    some = Scene.from_arrays(ball.vertices, ball.faces, vertex_normals=random)
+    got = check(some, with_normals(some))
+    here = random.any(axis=1)[some.faces]
+    np.testing.assert_allclose(got[here], sided(some, random)[here], atol=1e-6)
+    computed = with_normals(replace(some, vertex_normals=None))
+    assert computed.vertex_normals is not None
+    np.testing.assert_allclose(got[~here], computed.vertex_normals[computed.faces][~here], atol=1e-6)
+
+
+def test_a_face_without_an_area_has_no_back() -> None:
+    scene = Scene.from_arrays([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], vertex_normals=[[0, 0, -1.0]] * 3)
+    assert (check(scene, with_normals(scene)) == [0, 0, -1]).all()
 
 
 def test_only_missing_normals_are_computed() -> None:
@@ -245,7 +284,8 @@ def test_only_missing_normals_are_computed() -> None:
     flat = np.repeat(face_normals(box)[:, None], 3, axis=1)
     missing = scene.faces < 3
     np.testing.assert_allclose(got[missing], flat[missing], atol=1e-6)
-    np.testing.assert_allclose(got[~missing], np.tile([0.6, 0.8, 0], ((~missing).sum(), 1)), atol=1e-6)
+    kept = np.where((flat @ [0.6, 0.8, 0] < 0)[..., None], -1.0, 1.0) * [0.6, 0.8, 0]
+    np.testing.assert_allclose(got[~missing], kept[~missing], atol=1e-6)
     assert given_normals[0].any() == np.False_, "the caller's array was changed"
 
 
