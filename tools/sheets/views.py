@@ -79,7 +79,7 @@ DEFAULTS: dict[str, tuple[str, dict[str, Any]]] = {
 """The sheets of docs/materials.md, by name: a file in the folder of models, and how it is seen."""
 
 _LOOKS: dict[str, tuple[str, dict[str, Any]]] = {
-    "dragon": ("dragon_vrip_res3.ply.gz", {"direction": (-0.4, -0.25, -1.0)}),
+    "morph": ("MorphStressTest/MorphStressTest.gltf", {"direction": ASLANT}),
     "bunny": ("bunny.ply", {"direction": (0.3, -0.3, -1.0)}),
     "suzanne": ("suzanne.ply", {"direction": (-0.5, -0.3, -1.0)}),
     "sensor": ("ADIS16480.STL", {"direction": ASLANT, "up": (0.0, 0.0, 1.0)}),
