@@ -196,7 +196,7 @@ def test_a_gradient_is_set_and_told_as_lists() -> None:
 
 def test_l_o_and_space_switch() -> None:
     on = controls()
-    assert press(on, "l").lighting == "none" and press(on, "l").lighting == "headlight"
+    assert [press(on, "l").lighting for _ in range(4)] == ["headlight", "none", "kit", "headlight"]
     assert press(on, "o").camera.orthographic and not press(on, "o").camera.orthographic
     assert press(on, " ").turning and not press(on, " ").turning
 

@@ -189,7 +189,7 @@ def test_at_rest_a_notebook_gets_the_bits_of_render(
         page.key("x")
         shown = await page.rest()
         size = round(SIZE[0] * ratio), round(SIZE[1] * ratio)
-        want = clpeel.render(scene, page.viewer.view.camera, size, lighting="headlight").image[..., :3]
+        want = clpeel.render(scene, page.viewer.view.camera, size, lighting="kit").image[..., :3]
         free = uncovered(page, want.shape, ratio)
         assert shown.shape == want.shape
         assert (shown[free] == want[free]).all() and (shown[~free] != want[~free]).any()
@@ -313,10 +313,10 @@ def test_the_command_and_the_saved_file_are_told_below_the_picture(
         await page.rest()
         page.key("c")
         await page.wait(lambda: "clpeel.render(scene" in page.said.value)
-        assert "&#x27;headlight&#x27;" in page.said.value, "the text is not escaped"
+        assert "&#x27;kit&#x27;" in page.said.value, "the text is not escaped"
         page.key("s")
         await page.wait(lambda: "saved clpeel.png" in page.said.value)
-        want = clpeel.render(scene, page.viewer.view.camera, SIZE, lighting="headlight").image
+        want = clpeel.render(scene, page.viewer.view.camera, SIZE, lighting="kit").image
         assert (np.asarray(Image.open("clpeel.png")) == want[..., :3]).all()
 
     played(play)
@@ -385,7 +385,7 @@ def test_in_a_notebook_a_scene_is_a_live_widget_and_a_picture_where_no_widgets_a
     found = asyncio.run(show())
     assert found["text/plain"] == repr(scene)
     assert found["application/vnd.jupyter.widget-view+json"]["model_id"]
-    want = clpeel.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), notebook.SIZE, lighting="headlight").image
+    want = clpeel.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), notebook.SIZE, lighting="kit").image
     assert (decoded(base64.b64decode(found["image/png"])) == want[..., :3]).all()
 
 

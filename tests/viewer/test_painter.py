@@ -281,7 +281,7 @@ def test_the_error_is_that_against_float64() -> None:
 # --- a renderer's opacity ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("lighting", ["none", "headlight"])
+@pytest.mark.parametrize("lighting", ["none", "headlight", "kit"])
 @pytest.mark.parametrize("color", ["face", "vertex", "one"])
 def test_a_renderers_opacity_makes_the_bits_of_a_scene_with_it(lighting: Any, color: str, lanes: int) -> None:
     base = scene(12)
