@@ -47,11 +47,11 @@ def kinds_to_check(techniques: Sequence[str] = ()) -> list[Kind]:
     kinds: list[Kind] = []
     for technique in techniques or TECHNIQUES:
         kinds.append(Kind(technique, "face", "transparent", "none"))
-        kinds.append(Kind(technique, "vertex", "mixed", "headlight"))
+        kinds.append(Kind(technique, "vertex", "mixed", "kit"))
     first = kinds[0].technique
-    kinds.append(Kind(first, "face", "opaque", "headlight"))
+    kinds.append(Kind(first, "face", "opaque", "kit"))
     if TECHNIQUES[first].sorts:
-        kinds.append(Kind(first, "face", "transparent", "headlight", layers=True))
+        kinds.append(Kind(first, "face", "transparent", "kit", layers=True))
     return kinds
 
 

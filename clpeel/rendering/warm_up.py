@@ -122,7 +122,7 @@ def kinds_of(techniques: Sequence[str]) -> Iterator[Kind]:
 
     Scenes with nothing transparent are drawn alike by all techniques, so the first technique stands for them.
     """
-    lights: tuple[Lighting, ...] = ("headlight", "none")
+    lights: tuple[Lighting, ...] = ("kit", "none")
     first = techniques[0]
     for technique in techniques:
         for lighting, rate, surfaces in product(lights, RATES, SURFACES):
@@ -132,11 +132,11 @@ def kinds_of(techniques: Sequence[str]) -> Iterator[Kind]:
             yield Kind(technique, rate, surfaces, lighting)
             if lighting != "none" and surfaces != "opaque":
                 yield Kind(technique, rate, surfaces, lighting, floats=True)
-    yield Kind(first, "scene", "transparent", "headlight", pairs=True)
-    yield Kind(first, "scene", "opaque", "headlight", textured=True)  # most glTF files are one of these two
-    yield Kind(first, "face", "mixed", "headlight", floats=True, textured=True)
+    yield Kind(first, "scene", "transparent", "kit", pairs=True)
+    yield Kind(first, "scene", "opaque", "kit", textured=True)  # most glTF files are one of these two
+    yield Kind(first, "face", "mixed", "kit", floats=True, textured=True)
     if TECHNIQUES[first].sorts:
-        yield Kind(first, "face", "transparent", "headlight", layers=True)
+        yield Kind(first, "face", "transparent", "kit", layers=True)
 
 
 def warm_up(

@@ -66,8 +66,11 @@ def short_cases() -> list[Case]:
 # Kernels with textures take drivers a while to compile. So each technique has textures in one precision and variant.
 SCRIPT = """
 import json, sys
+from dataclasses import replace
 import numpy as np
 import clpeel
+from clpeel.scene.lights import AmbientLight, DirectionalLight, SpotLight
+from clpeel.scene.materials import Finish
 from clpeel.device.devices import list_devices
 from clpeel.device.drivers import silent_drivers
 from clpeel.device.program import DriverError
@@ -96,7 +99,17 @@ materials = [clpeel.Material(texture=textures[k % 2], alpha_mode=mode) for k, mo
 textured = clpeel.Scene.from_arrays(
     corners, faces, vertex_colors=colors, materials=materials, face_materials=np.arange(20) % 4 - 1,
     uv=rng.normal(size=(60, 2)) * 3)
-scenes = (plain, "none"), (mixed, "headlight"), (textured, "headlight"), (textured, "none")
+lamps = [
+    AmbientLight(intensity=0.3), DirectionalLight(direction=(1, -1, -2), intensity=2.0),
+    SpotLight(position=(1, 2, 3), direction=(-1, -2, -3), intensity=20.0, range=9.0)]
+maps = {f"{name}_texture": clpeel.Texture(rng.integers(0, 256, (8, 8, 4), dtype=np.uint8)) for name in
+        ("metallic_roughness", "normal", "occlusion", "emissive")}
+finish = Finish(0.7, 0.8, (0.1, 0.2, 0.1), 0.5, 0.6, **maps)
+shiny = clpeel.Scene.from_arrays(
+    corners, faces, vertex_colors=colors, materials=[replace(each, finish=finish) for each in materials],
+    face_materials=np.arange(20) % 4 - 1, uv=rng.normal(size=(60, 2)) * 3, lights=lamps)
+scenes = (
+    (plain, "none"), (mixed, "headlight"), (textured, "headlight"), (textured, "none"), (mixed, "kit"), (shiny, "scene"))
 
 def drawn(device, number, technique, options, lanes):
     # A verdict may change numbers, so the device is found by what does not change.

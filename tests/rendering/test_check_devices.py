@@ -41,7 +41,7 @@ def like(kind: type[Kind], **options: Any) -> Kind:
 def test_every_technique_is_checked_lit_and_unlit() -> None:
     kinds = kinds_to_check()
     assert {(kind.technique, kind.lighting) for kind in kinds} == {
-        (name, light) for name in TECHNIQUES for light in ("none", "headlight")
+        (name, light) for name in TECHNIQUES for light in ("none", "kit")
     }
     assert {kind.surfaces for kind in kinds} == {"transparent", "mixed", "opaque"} and any(
         kind.layers for kind in kinds
