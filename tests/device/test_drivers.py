@@ -109,7 +109,8 @@ shiny = clpeel.Scene.from_arrays(
     corners, faces, vertex_colors=colors, materials=[replace(each, finish=finish) for each in materials],
     face_materials=np.arange(20) % 4 - 1, uv=rng.normal(size=(60, 2)) * 3, lights=lamps)
 scenes = (
-    (plain, "none"), (mixed, "headlight"), (textured, "headlight"), (textured, "none"), (mixed, "kit"), (shiny, "scene"))
+    (plain, "none"), (mixed, "headlight"), (textured, "headlight"), (textured, "none"), (mixed, "kit"),
+    (shiny, "scene"))
 
 def drawn(device, number, technique, options, lanes):
     # A verdict may change numbers, so the device is found by what does not change.
