@@ -21,6 +21,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from reading.documents import Document
 
 import clpeel
 from clpeel.command import main as cli
@@ -994,3 +995,48 @@ def test_help_needs_no_options_of_commands(capfd: Any) -> None:
     )
     done = subprocess.run([*PYTHON, "-c", check], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("\nFalse\n")
+
+
+# --- light ------------------------------------------------------------------------------------------------------------
+
+
+def test_files_with_lights_are_seen_by_them(mesh: Path, tmp_path: Path, fake: Any) -> None:
+    """Other files are seen by the kit. What is asked for comes first."""
+    document = Document()
+    document.more["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "directional"}]}}
+    document.more["nodes"] = [{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}}]
+    lamp, output = str(document.path(tmp_path)), str(tmp_path / "out.png")
+    for file, words, lighting in (
+        (str(mesh), (), "kit"),
+        (lamp, (), "scene"),
+        (lamp, ("--lighting=kit",), "kit"),
+        (lamp, ("--lighting=headlight",), "headlight"),
+        (lamp, ("--unlit",), "none"),
+        (lamp, ("--unlit", "--lighting=none"), "none"),
+    ):
+        assert cli.main(["render", file, "-o", output, *words]) == 0
+        assert fake.calls[-1].lighting == lighting, words
+    words = ("--light-intensity=2.5", "--highlights=full")
+    assert cli.main(["render", lamp, "-o", output, *words]) == 0
+    assert (fake.calls[-1].light_intensity, fake.calls[-1].highlights) == (2.5, "full")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--lighting=moon"], "lighting: expected one of none, headlight, kit, scene; got 'moon'"),
+        (["--lighting=kit", "--unlit"], "--unlit: expected no --lighting with it, got 'kit'"),
+        (
+            ["--lighting=scene"],
+            "--lighting: expected lights in the file with 'scene', got none; 'kit' has lights of its own",
+        ),
+        (["--light-intensity=-1"], "--light-intensity: expected a number of 0 or more, got '-1'"),
+        (["--highlights=some"], "highlights: expected one of dimmed, full; got 'some'"),
+    ],
+)
+def test_light_that_cannot_be_is_one_line(words: list[str], says: str, mesh: Path, tmp_path: Path, capfd: Any) -> None:
+    output = tmp_path / "out.png"
+    assert cli.main(["render", str(mesh), "-o", str(output), *words]) == 2
+    lines = capfd.readouterr().err.strip().splitlines()
+    assert lines[-1].startswith(f"clpeel: error: {says}"), lines
+    assert not output.exists()

@@ -319,6 +319,8 @@ FEATURES: dict[str, dict[str, Any]] = {
     "`samples=4`": {"samples": 4},
     "`layers=True`": {"layers": True},
     '`lighting="headlight"`': {"lighting": "headlight"},
+    '`lighting="kit"`': {"lighting": "kit"},
+    '`lighting="kit"`, `highlights="full"`': {"lighting": "kit", "highlights": "full"},
 }
 """Options of `sort`. Every technique that peels has them as well."""
 
@@ -360,7 +362,11 @@ FILTERS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """How a texture is minified, and options of `sort`."""
 
-LIGHTS: dict[str, dict[str, Any]] = {"unlit": {}, "headlight": {"lighting": "headlight"}}
+LIGHTS: dict[str, dict[str, Any]] = {
+    "unlit": {},
+    "headlight": {"lighting": "headlight"},
+    "kit": {"lighting": "kit"},
+}
 
 
 @figure("textures", "What a texture costs: frames with one, in times those with a colour for each face")
