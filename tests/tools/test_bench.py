@@ -170,15 +170,15 @@ def test_textures_are_set_beside_flat_and_vertex_colours() -> None:
     scenes = {"dragon": ["d.ply"], "boxes": ["boxes"]}
     stub = Stub(scenes=scenes, job=lambda scene, **options: (scene, options), take_turns=take_turns)
     found = figures.textures(stub)
-    plain, lit = {"keep_color": False}, {"keep_color": False, "lighting": "headlight"}
+    plain, lit = {"keep_color": False}, {"keep_color": False, "lighting": "kit"}
     assert asked[:3] == [
         (["boxes"], plain),
         (["vertex colors", "boxes"], plain),
         (["textured", False, "nearest", "boxes"], plain),
     ]
     assert asked[-1] == (["textured", False, "linear-mipmap-linear", "boxes"], {**lit, "anisotropy": 4})
-    assert found["table"][0] == ["frame", "boxes, unlit", "boxes, headlight"]
-    assert [cell.split()[0] for cell in found["table"][3][1:]] == ["3.00", "3.00"]
+    assert found["table"][0] == ["frame", "boxes, unlit", "boxes, headlight", "boxes, kit"]
+    assert [cell.split()[0] for cell in found["table"][3][1:]] == ["3.00", "3.00", "3.00"]
     assert found["values"]["a colour for each vertex"]["boxes"]["headlight"]["median"] == 2
     with pytest.raises(Skipped, match="none of boxes, spheres"):
         figures.textures(Stub(scenes={"dragon": ["d.ply"]}))
