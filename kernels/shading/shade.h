@@ -412,6 +412,14 @@ typedef struct {
     uint count;
 } Waiting;
 
+// Whether fragments of a material wait. Not where their texels say which of them are there, or what maps add to them would
+// have to wait, too.
+#if MAPS
+#define WAITS(m) (!((m)->flags & ROUTED_BY_TEXELS) && !(m)->mapped)
+#else
+#define WAITS(m) (!((m)->flags & ROUTED_BY_TEXELS))
+#endif
+
 // Vectors usually begin at multiples of their own size.
 #if SHADED == 1
 typedef Reals AnyReals;
