@@ -27,7 +27,7 @@ from clpeel.techniques.thickness import VARIANTS, Variant
 
 LANES = (1, 64)
 
-SECONDS, SLOW_SECONDS = 600, 120
+SECONDS, SLOW_SECONDS = 1500, 120
 """The most that a driver's pictures may take, and those of one that takes minutes to compile kernels of one lane."""
 
 SLOW = "rusticl"

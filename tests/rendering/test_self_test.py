@@ -339,7 +339,7 @@ def test_warm_up_leaves_verdicts(tmp_path: Path) -> None:
         "from clpeel.rendering.warm_up import warm_up\n"
         "warm_up(['layer-count'])\n"
         "self_test._tested = lambda *_: sys.exit('it is tested')\n"
-        "for opacity, light in ((0.5, 'headlight'), (1.0, 'headlight'), (None, 'none')):\n"
+        "for opacity, light in ((0.5, 'kit'), (1.0, 'kit'), (None, 'none')):\n"
         "    scene = clpeel.load(trimesh.creation.icosphere(), opacity=opacity)\n"
         "    clpeel.render(scene, size=(64, 48), technique='layer-count', lighting=light, keep_color=False)\n"
     )
