@@ -156,8 +156,9 @@ def test_memory_samples_and_batches(memory: str | None, lanes: int, judge: Judge
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (32, 32), "samples": 64, "memory": memory, "lanes": lanes}
     want = clpeel.render(scene, BENCH.camera(), (256, 256), lanes=lanes)
     mean = want.color.astype(float).reshape(32, 8, 32, 8, 4).mean(axis=(1, 3))
+    bound = 34 * UNIT  # (n + 1) / 2 for a sum of n, and 1
     for technique in ("sort", "multi-layer-peeling"):
-        judge.color(clpeel.render(scene, technique=technique, **call), mean, 34 * UNIT)  # (n + 1) / 2 of a sum of n, and 1
+        judge.color(clpeel.render(scene, technique=technique, **call), mean, bound)
 
 
 def test_surfaces_of_a_scene() -> None:
