@@ -524,7 +524,7 @@ def test_the_command_asks_for_what_the_options_say(squares: Path, monkeypatch: p
         "budgets": (1, 4),
         "frames": 2,
         "background": (1, 0, 0),
-        "lighting": "headlight",
+        "lighting": "kit",
         "opaque": "blend",
         "memory": "64M",
         "lanes": 16,

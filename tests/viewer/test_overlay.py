@@ -201,7 +201,7 @@ def test_what_is_on_goes_off(name: str) -> None:
 
 
 def test_numbers_end() -> None:
-    assert stepped("samples", 1, -1) == 1 and stepped("samples", 256, 1) == 256 and stepped("samples", 4, 1) == 16
+    assert stepped("samples", 1, -1) == 1 and stepped("samples", 256, 1) == 256 and stepped("samples", 4, 1) == 8
     assert stepped("layers_per_pass", 1, -1) == 1 and stepped("layers_per_pass", 64, 1) == 64
     assert stepped("opacity", 0.0, -1) == 0.0 and stepped("opacity", 0.4, 1) == 0.45
     assert stepped("passes", 3, 1) == 4 and stepped("passes", 3, -1) == 2
