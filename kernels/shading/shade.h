@@ -486,6 +486,12 @@ INLINE Part alpha_of(uint flags, Part opacity, Part cutoff, Part alpha)
 }
 
 #if LIGHTS
+// Light as sRGB. What is brighter than white is white: to_srgb takes no more than 1.
+INLINE Reals shown_light(const Shading *shading, Reals light)
+{
+    return to_srgb(shading->textures, least_of(light, (Reals)(1.0f)));
+}
+
 // The colours of SHADED fragments under lights, sRGB. color: as materials are, linear, but sRGB if they are PLAIN.
 INLINE void light_colors(const Shading *shading, global const Material *m, const Surface *s, bool mapped, float4 colors[SHADED])
 {
@@ -500,7 +506,7 @@ INLINE void light_colors(const Shading *shading, global const Material *m, const
     const Reals zero = (Reals)(0.0f), one = (Reals)(1.0f);
     Reals with[3], cover = zero;
     UNROLL for (int c = 0; c < 3; ++c) {
-        with[c] = to_srgb(shading->textures, channel[c] + highlight[c]), channel[c] = to_srgb(shading->textures, channel[c]);
+        with[c] = shown_light(shading, channel[c] + highlight[c]), channel[c] = shown_light(shading, channel[c]);
         Reals left = 1.0f - channel[c], share = left > zero ? (with[c] - channel[c]) / left : zero;
         cover = MAX(cover, share);
     }
@@ -514,7 +520,7 @@ INLINE void light_colors(const Shading *shading, global const Material *m, const
     }
     channel[3] = alpha;
 #else
-    UNROLL for (int c = 0; c < 3; ++c) channel[c] = to_srgb(shading->textures, channel[c] + highlight[c]);
+    UNROLL for (int c = 0; c < 3; ++c) channel[c] = shown_light(shading, channel[c] + highlight[c]);
 #endif
     of_channels(channel, colors);
 }

@@ -263,3 +263,12 @@ def test_a_scene_without_lights_has_none_to_draw_by() -> None:
 def test_what_is_no_light_is_refused(made: Any, says: str) -> None:
     with pytest.raises(InputError, match=f"^{says}"):
         made()
+
+
+@pytest.mark.parametrize("intensity", [4.0, 7.0, 20.0, 1e4, 1e30])
+@pytest.mark.parametrize("highlights", ["dimmed", "full"])
+@pytest.mark.parametrize("lanes", [1, 64])
+def test_what_is_brighter_than_white_is_white(intensity: float, highlights: str, lanes: int) -> None:
+    lights = (DirectionalLight(direction=(0, 0, -1), intensity=intensity),)
+    got = drawn(quad(0, 0, MATT, (255, 255, 255, 255), lights), "scene", highlights=highlights, lanes=lanes)
+    np.testing.assert_array_equal(got, np.ones((SIDE, SIDE, 4), np.float32))
