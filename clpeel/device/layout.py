@@ -103,6 +103,15 @@ SRGB_SCALES = 256
 LEVEL_STARTS = 16
 """Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
 
+MOST_WIDTH = 8192
+"""The greatest width of a line, or size of a point, in samples. Kernels limit widths in scene units to it.
+
+A 1/16 of the guard band is half of it, so that lines that are cut at 3/4 of the band stay within it (expand.cl).
+"""
+
+PointType = Literal["sphere", "disc", "square"]
+"""How a point is drawn. A sphere is a disc, but lights show it as a ball."""
+
 DepthFormat = Literal["float32-reversed", "float32", "unorm24", "rgba8"]
 DEPTH_FORMATS: tuple[DepthFormat, ...] = get_args(DepthFormat)
 """How a depth is stored. The order is that of the kernels' numbers (depth.h)."""

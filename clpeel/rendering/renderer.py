@@ -30,12 +30,13 @@ from clpeel.rendering.result import Clock, Result, Stats, stats_of
 from clpeel.scene.arrays import checked_opacity
 from clpeel.scene.camera import Camera
 from clpeel.scene.normals import with_normals
-from clpeel.scene.scene import Scene, recolored
+from clpeel.scene.scene import Scene, faces_alone, recolored
 from clpeel.stages.binning import Batch, Tiles, bin_triangles
 from clpeel.stages.composite import Finished, Picture
 from clpeel.stages.find_layers import STAGE as LAYERS_STAGE
 from clpeel.stages.find_layers import Peeled, find_layers
 from clpeel.stages.frame import Frame
+from clpeel.stages.outlines import SQUARE, Shape, shape_of
 from clpeel.stages.projection import Triangles, project
 from clpeel.stages.tiles import AtTile, Drawn
 from clpeel.stages.upload import DeviceScene, upload, with_colors
@@ -66,6 +67,10 @@ def _in_turn(method: _Method) -> _Method:
     return cast(_Method, taken_in_turn)
 
 
+_Kind = tuple[bool, Shape | None]
+"""What a scene is uploaded for: whether there is a light, and the outline of points; None without lines and points."""
+
+
 class Renderer:
     """Keeps a scene on a device and renders it from any camera. Nothing is uploaded, built or allocated twice."""
 
@@ -78,9 +83,10 @@ class Renderer:
             raise InputError(f"scene: expected a clpeel.Scene, got {type(scene).__name__}; see clpeel.load")
         self.scene = scene
         self.gpu: Workspace = open_device(device, lanes)
-        self._uploaded: dict[bool, DeviceScene] = {}
+        self._lit: Scene | None = None  # with normals
+        self._uploaded: dict[_Kind, DeviceScene] = {}
         self._opacity: float | None = None
-        self._faded: dict[bool, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
+        self._faded: dict[_Kind, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
         self._pictures: list[Picture] = []
         self._at_work: int | None = None  # the thread that is making a picture
         self._turn = Lock()
@@ -92,7 +98,7 @@ class Renderer:
         other = copy.copy(self)
         other.scene, other.gpu = scene, self.gpu.beside()
         other._uploaded, other._pictures, other._at_work, other._turn = {}, [], None, Lock()
-        other._opacity, other._faded = None, {}
+        other._lit, other._opacity, other._faded = None, None, {}
         other._tests = False
         return other
 
@@ -175,7 +181,7 @@ class Renderer:
         finished = finish(request, picture, triangles, choice)
         stats = stats_of(request, triangles, drawn, finished, clamped_pixels, picture, clock)
         stats = explained(stats, request, triangles, finished, choice)
-        stats.notes.extend(tested)
+        stats.notes.extend((*tested, *self._notes(request)))
         layers = self._layers(scene, request, budget, stats) if request.picture.layers else None
         request.report(1.0, "done")
         rounding = blending_bound(stats.layers_max + 1, request.blending.precision)  # + 1 for an opaque layer
@@ -184,17 +190,45 @@ class Renderer:
     def _on_device(self, request: Request) -> DeviceScene:
         """The scene on the device, with normals if it is lit. The first request for it uploads it."""
         request.report(0.0, "uploading")
-        if request.lit not in self._uploaded:
-            scene = with_normals(self.scene) if request.lit else self.scene
-            other = self._uploaded.get(not request.lit)
-            self._uploaded[request.lit] = upload(self.gpu, scene, request.lit, like=other)
-        held = self._uploaded[request.lit]
+        kind = request.lit, self._shape(request)
+        if kind not in self._uploaded:
+            other = next(iter(self._uploaded.values()), None)
+            # Of outlines, which are most of a large cloud of points, those of one shape are kept.
+            self._uploaded = {each: held for each, held in self._uploaded.items() if each[1] in (None, kind[1])}
+            self._faded = {each: held for each, held in self._faded.items() if each in self._uploaded}
+            scene = self._for(request)
+            self._uploaded[kind] = upload(self.gpu, scene, request.lit, other, kind[1] or SQUARE)
+        held = self._uploaded[kind]
         if self._opacity is None:
             return held
-        if request.lit not in self._faded:
+        if kind not in self._faded:
             scene = recolored(held.scene, None, self._opacity)
-            self._faded[request.lit] = with_colors(self.gpu, held, scene)
-        return self._faded[request.lit]
+            self._faded[kind] = with_colors(self.gpu, held, scene)
+        return self._faded[kind]
+
+    def _shape(self, request: Request) -> Shape | None:
+        """The outline of the scene's points in this picture; None if no lines and points are drawn."""
+        if not len(self.scene.mark_vertices) or request.technique.measures_solids:
+            return None
+        return shape_of(self.scene, request.marks, request.camera, request.sampled[1], request.lit)
+
+    def _for(self, request: Request) -> Scene:
+        """What the technique draws of the scene, with normals if it is lit."""
+        if request.lit and self._lit is None:
+            self._lit = with_normals(self.scene)
+        scene = self._lit if request.lit and self._lit is not None else self.scene
+        return faces_alone(scene) if request.technique.measures_solids else scene
+
+    def _notes(self, request: Request) -> Iterator[str]:
+        """What the picture lacks of lines and points, one line each."""
+        _, lines, points = self.scene.counts
+        shape = self._shape(request)
+        if request.technique.measures_solids and lines + points:
+            counted = " and ".join(f"{n:,} {word}" for n, word in ((lines, "line(s)"), (points, "point(s)")) if n)
+            yield f"{counted} left out: they have no inside, which {request.technique.name} measures"
+        if shape is not None and shape.simplified:
+            wanted = request.marks.point_type
+            yield f"{points:,} points are drawn as squares: they are too many for --point-type {wanted}"
 
     def _projected(self, scene: DeviceScene, request: Request) -> Triangles:
         request.report(0.0, "projecting")
@@ -208,6 +242,7 @@ class Renderer:
             request.picture.depth_format,
             backfaces=request.backfaces,
             probes=request.picture.anisotropy,
+            marks=request.marks,
         )
 
     def _picture(self, request: Request) -> Picture:
@@ -235,6 +270,7 @@ class Renderer:
             depth_format=request.picture.depth_format,
             backfaces=request.backfaces,
             probes=request.picture.anisotropy,
+            marks=request.marks,
         )
         layers = find_layers(self.gpu, scene, peeled, budget, request.report)
         seconds = stats.seconds
