@@ -146,8 +146,8 @@ class _Header:
         table = values[: width * self.points].reshape(self.points, width)
         ends = np.cumsum(self.counts)
         parts = [table[:, end - count : end] for end, count in zip(ends, self.counts, strict=True)]
-        # A colour that is a float has its bits. As text it is that float's digits.
-        return [part.astype(kind) if kind.kind == "f" else part for part, kind in zip(parts, self.kinds, strict=True)]
+        # A colour whose type is float is the digits of the float that has its bits.
+        return [part.astype(kind) for part, kind in zip(parts, self.kinds, strict=True)]
 
     def _of_compressed(self, body: bytes) -> list[AnyArray]:
         """Return the fields of a compressed body: two sizes, and then all of the first field, of the second, ..."""

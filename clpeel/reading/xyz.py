@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.errors import InputError
-from clpeel.reading.lines import Lines
+from clpeel.reading.lines import Lines, parsed
 from clpeel.reading.marks import marks
 from clpeel.scene.scene import Scene
 
@@ -26,9 +26,11 @@ def xyz(data: bytes, extension: str) -> Scene:
     """Return the scene of a text file of points.
 
     Each line has x, y and z, and in any order none, one or both of a colour (three numbers, 0..255 or 0..1) and a
-    normal (three numbers, of length 1). Numbers are separated by spaces, commas or semicolons. What begins with # or //
-    is a comment. A first line of words names the columns, and a first line of one number is how many points follow;
-    neither is needed. Raises InputError if there are no points, or if the file is damaged.
+    normal (three numbers, of length 1; in .xyzrgb files all are colours). Numbers are separated by spaces, commas or
+    semicolons. What begins with # or // is a comment. A first line that begins with a word names the columns, and a
+    first line of one number is how many points follow; neither is needed.
+
+    Raises InputError if there are no points, or if the file is damaged.
     """
     table = _table(_COMMENT.sub(b"", data.removeprefix(b"\xef\xbb\xbf")).translate(_SPACES))
     fields, left = _fields(table[:, 3:], extension)
@@ -45,7 +47,7 @@ def _table(data: bytes) -> NDArray[np.float64]:
     """Return the numbers of all points, [p, columns]. Raises InputError if lines have different numbers of them."""
     lines = Lines(data)
     rows = np.flatnonzero(lines.counts)
-    if len(rows) and (lines.counts[rows[0]] == 1 or _has_words(lines, int(rows[0]))):
+    if len(rows) and (lines.counts[rows[0]] == 1 or _begins_with_a_word(lines, int(rows[0]))):
         rows = rows[1:]
     if not len(rows):
         raise InputError("expected points, got none; the file is empty")
@@ -59,10 +61,10 @@ def _table(data: bytes) -> NDArray[np.float64]:
     return lines.numbers(rows).reshape(len(rows), -1)
 
 
-def _has_words(lines: Lines, line: int) -> bool:
-    """Return whether a line holds anything but numbers."""
+def _begins_with_a_word(lines: Lines, line: int) -> bool:
+    """Return whether a line begins with anything but a number."""
     try:
-        lines.numbers(np.array([line]))
+        parsed(lines.text(np.array([line])).tobytes().split()[0])
     except InputError:
         return True
     return False
@@ -91,7 +93,7 @@ def _fields(extra: NDArray[np.float64], extension: str) -> tuple[dict[str, Any],
 def _are_normals(three: NDArray[np.float64]) -> bool:
     """Return whether most of the vectors [p, 3] have length 1. Others, such as zeros, stand for unknown ones."""
     lengths = np.sqrt((three * three).sum(axis=1))
-    return bool(np.mean(np.abs(lengths - 1) < _NEAR_1) > 0.5) and not bool((three >= 0).all() and _whole(three))
+    return bool(np.mean(np.abs(lengths - 1) < _NEAR_1) > 0.5)
 
 
 def _whole(values: NDArray[np.float64]) -> bool:
