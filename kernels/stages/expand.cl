@@ -28,10 +28,6 @@
 #define MOST_HALF (MOST_WIDTH / 2 * SUBPIXELS)
 #define MITRE_LIMIT 4.0f
 
-// Joints whose corners are moved along the segments by less are straight, in subpixels. Snapping could turn over a
-// triangle as thin as that.
-#define STRAIGHT 3.0f
-
 // A place on the screen: subpixels from the image's centre, and depth.
 typedef struct { Pair x, y; float depth; } Place;
 
@@ -102,30 +98,28 @@ static bool cut_segment(const ClipVertex *a, const ClipVertex *b, DepthRange dep
 }
 
 // A joint, as one of its segments sees it: the corners left and right of it, relative to it; which of them is on the inner
-// side; whether they count as straight across; and how far along the segment the inner corner is.
-typedef struct { float left_x, left_y, right_x, right_y, inset; bool left_inside, straight; } Joint;
+// side; and how far along the segment the inner corner is.
+typedef struct { float left_x, left_y, right_x, right_y, inset; bool left_inside; } Joint;
 
-// own, other: the other ends of this segment and of the one that it is joined to. own_first: both segments must compute
-// the joint on the way from the same end to the same end, to the bit; whether that is this segment's. to_joint: whether
-// this segment runs to the joint, or from it. Returns whether there is a joint: where lines turn back, there is none.
-static bool joint_of(const Place *at, const ClipVertex *own, const ClipVertex *other, bool own_first, bool to_joint,
-                     float half_width, Joint *joint)
+// own, other: the other ends of this segment and of the one that it is joined to. to_joint: whether this segment runs to
+// the joint, or from it. Returns whether there is a joint: where lines turn back, there is none. The other segment goes
+// through the joint the other way, and so computes the same numbers with other signs.
+static bool joint_of(const Place *at, const ClipVertex *own, const ClipVertex *other, bool to_joint, float half_width,
+                     Joint *joint)
 {
     Way back, on;
-    if (!way_to(at, own_first ? own : other, &back) || !way_to(at, own_first ? other : own, &on)) return false;
+    if (!way_to(at, own, &back) || !way_to(at, other, &on)) return false;
     float x = on.x - back.x, y = on.y - back.y, length = sqrt(x * x + y * y), cosine = 0.5f * length;  // of half the turn
     if (!(cosine * MITRE_LIMIT >= 1.0f)) return false;
     float turn = back.y * on.x - back.x * on.y, sine = 0.5f * fabs(turn) / cosine, outer = half_width / cosine;
     float nearer = MIN(back.length, on.length), inner = sine * outer * 2.0f > nearer ? nearer / (2.0f * sine) : outer;
     bool left_inside = turn > 0.0f;
-    joint->straight = outer * sine < STRAIGHT;
     joint->inset = inner * sine;
-    float left = left_inside && !joint->straight ? inner : outer, right = left_inside || joint->straight ? outer : inner;
-    float n_x = -y / length, n_y = x / length;  // to the left of the way
-    bool same = own_first == to_joint;
-    joint->left_inside = same == left_inside;
-    joint->left_x = same ? left * n_x : -right * n_x, joint->left_y = same ? left * n_y : -right * n_y;
-    joint->right_x = same ? -right * n_x : left * n_x, joint->right_y = same ? -right * n_y : left * n_y;
+    float left = left_inside ? inner : outer, right = left_inside ? outer : inner;
+    float n_x = -y / length, n_y = x / length;  // to the left of the way from this segment to the other
+    joint->left_inside = to_joint == left_inside;
+    joint->left_x = to_joint ? left * n_x : -right * n_x, joint->left_y = to_joint ? left * n_y : -right * n_y;
+    joint->right_x = to_joint ? -right * n_x : left * n_x, joint->right_y = to_joint ? -right * n_y : left * n_y;
     return true;
 }
 
@@ -187,17 +181,16 @@ kernel void expand_lines(global const int4 *lines, uint line_count, uint first_v
         float depth = here->depth, half_here = MIN(half_width + half_by_depth * depth, (float)MOST_HALF);
         float n_x = -way.y * half_here, n_y = way.x * half_here;
         float place = segment.place[e];
-        int neighbour = number[3 * e], end = number[e == 0 ? 2 : 1];
         Joint joint;
-        bool joined = ends > 2 && neighbour >= 0 && !segment.cut[e] &&
-                      joint_of(here, corner + (e == 0 ? 2 : 1), corner + 3 * e, end < neighbour, e == 1, half_here, &joint);
-        bool left = joined && (joint.straight || joint.left_inside), right = joined && (joint.straight || !joint.left_inside);
+        bool joined = ends > 2 && number[3 * e] >= 0 && !segment.cut[e] &&
+                      joint_of(here, corner + (e == 0 ? 2 : 1), corner + 3 * e, e == 1, half_here, &joint);
+        bool left = joined && joint.left_inside, right = joined && !joint.left_inside;
         put(own, here, left ? joint.left_x : n_x, left ? joint.left_y : n_y, depth);
         put(own + 1, here, right ? joint.right_x : -n_x, right ? joint.right_y : -n_y, depth);
         for (uint k = 0; k < ends; ++k) own_places[k] = place;
         if (ends == 2) continue;
         for (int k = 2; k < 5; ++k) put(own + k, here, 0.0f, 0.0f, depth);
-        if (!joined || joint.straight) continue;
+        if (!joined) continue;
         float share = MIN(joint.inset / way.length, 1.0f), far = at[1 - e].depth, inner = depth + share * (far - depth);
         own[left ? 0 : 1].depth = inner;
         if (perspective) share *= far / inner;

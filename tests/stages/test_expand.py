@@ -179,3 +179,25 @@ def test_colours_run_along_a_line_in_perspective(lanes: int) -> None:
     share = (found.depth - -2.0) / 27.0  # distances of the ends are -2 and 25
     wanted = np.stack([1 - share, 0 * share, share, 1 + 0 * share], axis=1)
     assert np.abs(found.color - wanted).max() < 1e-5
+
+
+@pytest.mark.parametrize("view", ["perspective", "parallel"])
+@pytest.mark.parametrize("width", [3.0, 22.0])
+def test_across_a_joint_depth_and_colour_are_those_of_the_nearest_place(view: str, width: float, lanes: int) -> None:
+    """So it is on either segment: at the inner side of a joint, and around the tip of its mitre."""
+    camera = VIEWS[view]
+    points = np.array([[-1.5, -1.0, -0.9], [1.8, 0.2, -0.3], [-1.0, 0.9, -0.2], [-2.5, 0.6, 0.9]])
+    colors = np.array([[1, 0, 0, 0.5], [0, 1, 0, 0.5], [0, 0, 1, 0.5], [1, 1, 0, 0.5]], np.float32)
+    scene = clpeel.Scene.from_arrays(points, lines=[[0, 1], [1, 2], [2, 3]], vertex_colors=colors)
+    found = layers(scene, camera, lanes, line_width=width)
+    pixel = np.repeat(np.arange(SIZE[0] * SIZE[1]), np.diff(found.start))
+    for k in range(3):
+        stroke = strokes.line(points[k], points[k + 1], camera, SIZE, half_of(width, camera, SIZE[1]), *CLIPPING)
+        own = found.triangle == k
+        wanted = stroke.distance.reshape(-1)[pixel[own]]
+        near, far = CLIPPING
+        error = found.depth[own] - wanted if camera.orthographic else near / found.depth[own] - near / wanted
+        assert own.sum() > 50 and np.abs(error).max() <= DEPTH * (far - near if camera.orthographic else 1)
+        a, b = screen.screen(points[k : k + 2], camera, SIZE)[:, 2]
+        share = ((wanted - a) / (b - a))[:, None]
+        assert np.abs(found.color[own] - (1 - share) * colors[k] - share * colors[k + 1]).max() < 2e-5
