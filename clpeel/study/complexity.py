@@ -69,7 +69,7 @@ class Complexity:
 
     layers: int32 [height, width], row 0 on top. These are the transparent fragments in front of the opaque surface, or
     all fragments if opaque="blend". opaque: bool [height, width], whether there is an opaque surface. needs: one entry
-    for each technique. triangles: of the scene. seconds: what counting took, by the device's clock.
+    for each technique. triangles, lines, points: of the scene. seconds: what counting took, by the device's clock.
 
     A pixel is covered if it has a layer or an opaque surface. The mean, the median and the percentiles are those of the
     covered pixels.
@@ -80,6 +80,8 @@ class Complexity:
     needs: tuple[Need, ...]
     triangles: int
     seconds: float
+    lines: int = 0
+    points: int = 0
 
     @cached_property
     def histogram(self) -> NDArray[np.int64]:
@@ -143,6 +145,8 @@ class Complexity:
         return {
             "size": [width, height],
             "triangles": self.triangles,
+            "lines": self.lines,
+            "points": self.points,
             "fragments": self.fragments,
             "covered_pixels": self.covered,
             "covered_share": self.covered_share,
@@ -229,7 +233,7 @@ def complexity(
     report(1.0, "done")
     shaded = replace(counted.tiles.features, headlight=picture.lighting != "none").fragment_color
     needs = tuple(need_of(technique, counted, shaded) for technique in TECHNIQUES.values())
-    return Complexity(counted.layers, counted.opaque, needs, len(scene.faces), counted.seconds)
+    return Complexity(counted.layers, counted.opaque, needs, scene.counts[0], counted.seconds, *scene.counts[1:])
 
 
 def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progress: Progress | None) -> Counted:
