@@ -504,7 +504,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         place_on_face(to_shade_at, &face, &on_face);
         Sight sight = SIGHT(first, &face);
 #if PAINTED && LANES == 1
-        if (face.material && !(face.material->flags & ROUTED_BY_TEXELS) && !(MAPS && face.material->mapped)) {
+        if (face.material && !(face.material->flags & ROUTED_BY_TEXELS) && !(MAPS && face.material->mapped != 0)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];
