@@ -504,7 +504,8 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         place_on_face(to_shade_at, &face, &on_face);
         Sight sight = SIGHT(first, &face);
 #if PAINTED && LANES == 1
-        if (face.material && !(face.material->flags & ROUTED_BY_TEXELS) && !(MAPS && face.material->mapped != 0)) {
+        const bool mapped = MAPS && face.material && face.material->mapped;
+        if (face.material && !mapped && !(face.material->flags & ROUTED_BY_TEXELS)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];
