@@ -9,12 +9,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from twins import lights as twin
 from twins import screen, strokes
+from twins.textures import to_linear as linear
+from twins.textures import to_srgb as srgb
 
 import clpeel
 from clpeel.errors import InputError
+from clpeel.scene.arrays import DEFAULT_COLOR
 from clpeel.scene.demo import demo_scene
+from clpeel.scene.lights import DirectionalLight, PointLight
+from clpeel.scene.materials import Finish, Material
+from clpeel.scene.textures import Texture
 from clpeel.stages import outlines
+from clpeel.stages.shading import MATT
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
@@ -217,6 +225,126 @@ def test_a_sphere_is_a_disc_that_darkens_towards_its_rim(lanes: int) -> None:
     assert np.abs(ball[:36] / 255 - light).max() < 0.1  # of a true ball
 
 
+# --- lights -----------------------------------------------------------------------------------------------------------
+
+WHITE = (255, 255, 255)
+LAMPS = (DirectionalLight(direction=(0.3, -0.4, -1), intensity=2.0), PointLight(position=(1, 2, 4), intensity=9.0))
+LIT: list[dict[str, Any]] = [
+    {"lighting": "kit"},
+    {"lighting": "kit", "highlights": "full", "samples": 8},
+    {"lighting": "scene", "samples": 4},
+]
+
+
+@pytest.mark.parametrize("options", LIT)
+def test_lights_leave_what_has_no_normals_as_it_is(options: dict[str, Any], lanes: int) -> None:
+    """To the bit, transparent or not, beside faces that are lit."""
+    rng = np.random.default_rng(3)
+    vertices = rng.uniform(-1, 1, (20, 3))
+    colors = rng.uniform(0, 1, (20, 4)).astype(np.float32)
+    colors[:6, 3] = 1
+    given: dict[str, Any] = {"lines": np.arange(12).reshape(-1, 2), "points": np.arange(12, 20), "lights": LAMPS}
+    scene = clpeel.Scene.from_arrays(vertices, vertex_colors=colors, **given)
+    call: dict[str, Any] = {"line_width": 6, "point_size": 9, "point_type": "disc", "lanes": lanes, "background": None}
+    unlit, lit = (
+        clpeel.render(scene, ABOVE, SIZE, **call, **{**options, **more}) for more in ({"lighting": "none"}, {})
+    )
+    np.testing.assert_array_equal(lit.color, unlit.color)
+    assert (lit.color[..., 3] > 0).mean() > 0.05
+    with_face = clpeel.Scene.from_arrays(vertices, [[0, 7, 9]], vertex_colors=colors, **given)
+    unlit, lit = (
+        clpeel.render(with_face, ABOVE, SIZE, **call, **{**options, **more}) for more in ({"lighting": "none"}, {})
+    )
+    changed = (lit.color != unlit.color).any(axis=-1)
+    assert 0.01 < changed.mean() < 0.5
+
+
+@pytest.mark.parametrize("samples", [1, 8])
+@pytest.mark.parametrize("towards", [1, -1], ids=["towards the eye", "away from it"])
+def test_normals_of_lines_and_points_take_light_from_where_they_are_seen(
+    towards: int, samples: Any, lanes: int
+) -> None:
+    normal, color, finish = twin.unit((0.3, 0.5, 0.8)), (0.5, 0.25, 0.1), MATT
+    vertices = np.array([[-1, -0.6, 0], [1, -0.6, 0], [0, 0.4, 0]])
+    scene = clpeel.Scene.from_arrays(
+        vertices,
+        lines=[[0, 1]],
+        points=[2],
+        color=srgb(np.array(color)),
+        vertex_normals=np.tile(towards * normal, (3, 1)),
+        lights=LAMPS[:1],
+    )
+    options: dict[str, Any] = {"line_width": 9, "point_size": 15, "point_type": "disc", "samples": samples}
+    found = clpeel.render(scene, FLAT, SIZE, lighting="scene", background=None, lanes=lanes, **options).color
+    plain, shine = twin.seen(color, normal, np.zeros(3), np.array([0, 0, 1.0]), LAMPS[:1], finish)
+    whole = found[found[..., 3] == 1]
+    assert len(whole) > 400
+    np.testing.assert_allclose(whole[:, :3], np.tile(srgb(plain + shine), (len(whole), 1)), atol=2e-3)
+
+
+@pytest.mark.parametrize("samples", [1, 4, 8])
+@pytest.mark.parametrize("at", [(0, 0), (-1.1, 0.7)], ids=["in the middle", "aside"])
+def test_points_are_balls_under_lights(at: tuple[float, float], samples: Any, lanes: int) -> None:
+    """Their brightness is that of a true ball, which light falls on from the upper left, up to near the rim."""
+    lamp = DirectionalLight(direction=(1, -1, -1), intensity=3.0, highlights=False)
+    scene = clpeel.Scene.from_arrays([(*at, 0.0)], points=[0], color=(128, 128, 128), lights=[lamp])
+    found = clpeel.render(scene, FLAT, SIZE, lighting="scene", samples=samples, lanes=lanes, point_size=40).image
+    (px, py, _), *_ = screen.screen(np.array([(*at, 0.0)]), FLAT, SIZE) / 256
+    x, y = np.arange(SIZE[0])[None] + 0.5 - SIZE[0] / 2 - px, np.arange(SIZE[1])[:, None] + 0.5 - SIZE[1] / 2 - py
+    inner = np.hypot(x, y) < 16
+    normals = np.stack([x + 0 * y, -y + 0 * x, np.sqrt(np.maximum(400 - x**2 - y**2, 0))], axis=-1)[inner] / 20
+    eye = np.array([0, 0, 1.0])
+    wanted = [
+        srgb(sum(twin.seen((linear(128 / 255),) * 3, n, np.zeros(3), eye, [lamp], MATT))[0]) for n in normals[::9]
+    ]
+    got = found[inner][::9, 0] / 255
+    assert np.abs(got - wanted).mean() < 0.04 and np.corrcoef(got, wanted)[0, 1] > 0.97
+
+
+def test_lines_and_points_move_no_map(lanes: int) -> None:
+    """Maps find their coordinates and tangents behind all vertices, also behind corners of lines and points."""
+    rng = np.random.default_rng(8)
+
+    def texture() -> Texture:
+        return Texture(rng.integers(90, 200, (8, 8, 4)).astype(np.uint8))
+
+    finish = Finish(
+        metallic=0.5,
+        roughness=0.8,
+        normal_texture=texture(),
+        normal_uv=1,
+        metallic_roughness_texture=texture(),
+        metallic_roughness_uv=2,
+    )
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [40, 40, 0], [41, 40, 0], [42, 40, 0]])
+    material = Material(texture=texture(), finish=finish)
+    uv = [rng.uniform(0, 1, (7, 2)) for _ in range(3)]
+    pictures = [
+        clpeel.render(
+            clpeel.Scene.from_arrays(
+                square, [[0, 1, 2], [0, 2, 3]], materials=[material], uv=uv[0], more_uv=uv[1:], color=WHITE, **marks
+            ),
+            FLAT,
+            SIZE,
+            lighting="kit",
+            lanes=lanes,
+        ).image
+        for marks in ({}, {"lines": [[4, 5], [5, 6]], "points": [4, 6]})
+    ]
+    np.testing.assert_array_equal(*pictures)
+    assert len(np.unique(pictures[0].reshape(-1, 4), axis=0)) > 500
+
+
+def test_materials_of_faces_leave_lines_and_points_their_default_colour() -> None:
+    material = Material(base_color=(1, 0, 0, 1))
+    both = clpeel.Scene.from_arrays(np.eye(3), [[0, 1, 2]], lines=[[0, 1]], points=[2], materials=[material])
+    assert both.vertex_colors is not None
+    assert (both.vertex_colors[both.mark_vertices] == DEFAULT_COLOR).all()
+    assert (both.vertex_colors[both.faces] == 255).all()
+    alone = clpeel.Scene.from_arrays(np.eye(3), points=[2], materials=[material])
+    assert (np.broadcast_to(alone.colors, (3, 4))[alone.mark_vertices] == DEFAULT_COLOR).all()
+
+
 @pytest.mark.parametrize("technique", ["thickness", "translucency"])
 def test_solids_are_measured_without_lines_and_points(technique: str, lanes: int) -> None:
     demo = demo_scene()
@@ -260,6 +388,7 @@ def test_clouds_too_large_for_discs_are_squares_and_a_note_says_so(monkeypatch: 
         ({"line_width": "wide"}, "line_width: expected pixels above 0"),
         ({"point_size": "-1u"}, "point_size: expected pixels above 0"),
         ({"point_size": float("nan")}, "point_size: expected pixels above 0"),
+        ({"line_width": 2100, "samples": 8}, "line_width: expected at most 2,048 pixels with 8 samples, got 2100"),
         ({"point_size": 1000, "samples": 256}, "point_size: expected at most 512 pixels with 256 samples, got 1000"),
         ({"point_type": "gaussian"}, "point_type: expected one of sphere, disc, square; got 'gaussian'"),
     ],
@@ -273,7 +402,7 @@ def test_wrong_sizes_are_refused(options: dict[str, Any], says: str) -> None:
 
 def test_sizes_are_of_pixels_whatever_the_samples() -> None:
     scene = clpeel.Scene.from_arrays(np.zeros((1, 3)), points=[0], color=(0, 0, 0))
-    for samples in (1, 4, 64):
+    for samples in (1, 4, 8, 64):
         image = clpeel.render(scene, FLAT, (64, 64), samples=samples, point_size=20, point_type="disc").image
         assert abs((1 - image[..., 0] / 255).sum() / (np.pi * 100) - 1) < 0.03
 

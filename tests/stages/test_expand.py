@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from twins import screen, strokes
+from twins.samples import PLACES
 
 import clpeel
 from clpeel.stages.outlines import TOLERANCE
@@ -201,3 +202,80 @@ def test_across_a_joint_depth_and_colour_are_those_of_the_nearest_place(view: st
         a, b = screen.screen(points[k : k + 2], camera, SIZE)[:, 2]
         share = ((wanted - a) / (b - a))[:, None]
         assert np.abs(found.color[own] - (1 - share) * colors[k] - share * colors[k + 1]).max() < 2e-5
+
+
+# --- several samples a pixel ------------------------------------------------------------------------------------------
+
+SAMPLES = sorted(set(PLACES) - {1})
+
+
+def shares(scene: clpeel.Scene, camera: clpeel.Camera, lanes: int, samples: Any, **options: Any) -> np.ndarray:
+    """How much of each pixel's samples is covered, if the scene is opaque, 0..1."""
+    result = clpeel.render(scene, camera, SIZE, background=None, lanes=lanes, samples=samples, **options)
+    return result.color[..., 3]
+
+
+def check_share(found: np.ndarray, inside: list[np.ndarray], off: float) -> None:
+    """Holds a pixel's share against its samples, of which those within `off` of the outline may be in or out."""
+    least, most = (np.mean([each > by for each in inside], axis=0) for by in (off, -off))
+    assert ((found >= least - 1e-6) & (found <= most + 1e-6)).all()
+    assert (least < most).mean() < 0.1
+
+
+@pytest.mark.parametrize("samples", SAMPLES)
+@pytest.mark.parametrize("view", ["perspective", "parallel"])
+@pytest.mark.parametrize("width", [0.4, 1.0, 7.5, "0.2u"])
+def test_lines_have_their_width_at_any_number_of_samples(
+    samples: int, view: str, width: float | str, lanes: int
+) -> None:
+    camera, half = VIEWS[view], half_of(width, VIEWS[view], SIZE[1])
+    for a, b in (
+        ((-1, -1.2, -0.4), (0.4, 1.3, 0.9)),
+        ((0.2, -0.9, 0.5), (0.3, 0.9, 0.52)),
+        ((0, 0.1, -1), (0, 0.12, 1)),
+    ):
+        scene = clpeel.Scene.from_arrays([a, b], lines=[[0, 1]])
+        found = shares(scene, camera, lanes, samples, line_width=width)
+        ends = np.array(a, float), np.array(b, float)
+        twins = [strokes.line(*ends, camera, SIZE, half, *CLIPPING, place) for place in PLACES[samples]]
+        check_share(found, [twin.inside for twin in twins], strokes.SNAPPED)
+        assert found.sum() > 10
+
+
+@pytest.mark.parametrize("samples", SAMPLES)
+@pytest.mark.parametrize("kind", ["square", "disc", "sphere"])
+@pytest.mark.parametrize("size", [1.0, 3.0, 40.0, "0.4u"])
+def test_points_have_their_size_at_any_number_of_samples(
+    samples: int, kind: Any, size: float | str, lanes: int
+) -> None:
+    camera, half = VIEWS["perspective"], half_of(size, VIEWS["perspective"], SIZE[1])
+    at = np.array([0.3, -0.2, 0.41])
+    scene = clpeel.Scene.from_arrays([at], points=[0])
+    found = shares(scene, camera, lanes, samples, point_size=size, point_type=kind)
+    square = kind == "square"
+    twins = [strokes.point(at, camera, SIZE, half, *CLIPPING, square, place) for place in PLACES[samples]]
+    off = strokes.GRID_SNAPPED + (0 if square else TOLERANCE * 256 / math.isqrt(samples))
+    check_share(found, [twin.inside for twin in twins], off)
+    if square and size == 1.0:
+        assert found.sum() == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("samples", SAMPLES)
+def test_joints_have_their_width_at_any_number_of_samples(samples: int, lanes: int) -> None:
+    """They cover each sample within half a width of the lines once, and none far away."""
+    camera = VIEWS["perspective"]
+    points = np.array([[0, -1.2, -0.6], [0.2, -0.7, 0.6], [-0.3, -0.2, -0.5], [0, 0.4, 0.2], [0, 0.9, 0.25]])
+    lines = np.stack([np.arange(4), np.arange(1, 5)], axis=1)
+    scene = clpeel.Scene.from_arrays(points, lines=lines, color=RED)
+    found = shares(scene, camera, lanes, samples, line_width=9) * 255 / RED[3]
+    corners, half = screen.screen(points, camera, SIZE)[:, :2], 4.5 * 256
+    distance = np.array([strokes.to_polyline(corners, SIZE, place) for place in PLACES[samples]])
+    x, y = strokes.grid(SIZE)
+    ends = np.min([np.hypot(x - corner[0], y - corner[1]) for corner in corners[[0, -1]]], axis=0)
+    within = (distance < half - strokes.SNAPPED).all(axis=0) & (ends > half + 512)
+    np.testing.assert_allclose(found[within], 1, atol=1e-5)
+    assert within.sum() > 200 and found.max() < 1 + 1e-5
+    assert (found[(distance > 4 * half + 2).all(axis=0)] == 0).all()
+    narrow = (distance > half + strokes.SNAPPED).all(axis=0) & (distance < 1.8 * half).all(axis=0) & (ends > 2 * half)
+    away = np.min([np.hypot(x - corner[0], y - corner[1]) for corner in corners], axis=0) > 2 * half  # from mitres
+    assert (narrow & away).sum() > 20 and (found[narrow & away] == 0).all()

@@ -28,10 +28,17 @@ class Stroke:
     distance: Floats
 
 
-def grid(size: tuple[int, int]) -> tuple[Floats, Floats]:
-    """The samples' places: x [1, width] and y [height, 1] in subpixels from the image's centre."""
+MIDDLE = (0.5, 0.5)
+"""The middle of a pixel, from its upper left corner."""
+
+
+def grid(size: tuple[int, int], place: tuple[float, float] = MIDDLE) -> tuple[Floats, Floats]:
+    """The samples' places: x [1, width] and y [height, 1] in subpixels from the image's centre.
+
+    place: where in each pixel its sample is, right and down from the upper left corner, in pixels.
+    """
     x, y = screen.samples(size)
-    return x[None, :].astype(np.float64), y[:, None].astype(np.float64)
+    return x[None, :] + 256 * (place[0] - 0.5), y[:, None] + 256 * (place[1] - 0.5)
 
 
 def nothing(size: tuple[int, int]) -> Stroke:
@@ -56,8 +63,11 @@ def cut(a: Floats, b: Floats, camera, near: float, far: float) -> tuple[Floats, 
     return (a + first * (b - a), a + last * (b - a)) if first < last else None
 
 
-def line(a: Floats, b: Floats, camera, size: tuple[int, int], half, near: float, far: float) -> Stroke:
-    """A segment without joints. half: a function of the view distance, half the width there in subpixels."""
+def line(a: Floats, b: Floats, camera, size: tuple[int, int], half, near: float, far: float, place=MIDDLE) -> Stroke:
+    """A segment without joints. half: a function of the view distance, half the width there in subpixels.
+
+    place: as for `grid`.
+    """
     ends = cut(a, b, camera, near, far)
     if ends is None:
         return nothing(size)
@@ -66,7 +76,7 @@ def line(a: Floats, b: Floats, camera, size: tuple[int, int], half, near: float,
     if length == 0:
         return nothing(size)
     ux, uy = (bx - ax) / length, (by - ay) / length
-    x, y = grid(size)
+    x, y = grid(size, place)
     along = (x - ax) * ux + (y - ay) * uy
     across = np.abs((x - ax) * -uy + (y - ay) * ux)
     wide_a, wide_b = half(az), half(bz)
@@ -77,19 +87,24 @@ def line(a: Floats, b: Floats, camera, size: tuple[int, int], half, near: float,
     return Stroke(np.minimum(np.minimum(along, length - along), sides), distance)
 
 
-def point(at: Floats, camera, size: tuple[int, int], half, near: float, far: float, square: bool) -> Stroke:
-    """A square or a disc around a point."""
+def point(
+    at: Floats, camera, size: tuple[int, int], half, near: float, far: float, square: bool, place=MIDDLE
+) -> Stroke:
+    """A square or a disc around a point. place: as for `grid`."""
     (px, py, pz), *_ = screen.screen(at[None], camera, size)
     if not near <= pz <= far:
         return nothing(size)
-    x, y = grid(size)
+    x, y = grid(size, place)
     radius = np.maximum(np.abs(x - px), np.abs(y - py)) if square else np.hypot(x - px, y - py)
     return Stroke(half(pz) - radius, np.full(radius.shape, pz))
 
 
-def to_polyline(corners: Floats, size: tuple[int, int]) -> Floats:
-    """How far each sample is from a polyline whose corners [n, 2] are on the screen, in subpixels, [height, width]."""
-    x, y = grid(size)
+def to_polyline(corners: Floats, size: tuple[int, int], place: tuple[float, float] = MIDDLE) -> Floats:
+    """How far each sample is from a polyline whose corners [n, 2] are on the screen, in subpixels, [height, width].
+
+    place: as for `grid`.
+    """
+    x, y = grid(size, place)
     found = np.full((size[1], size[0]), np.inf)
     for (ax, ay), (bx, by) in zip(corners[:-1], corners[1:], strict=True):
         length2 = (bx - ax) ** 2 + (by - ay) ** 2
