@@ -140,7 +140,7 @@ def mixed(seed: int, count: int = 12) -> clpeel.Scene:
 EXACT = ["sort", "depth-peeling", "dual-depth-peeling", "multi-layer-peeling"]
 
 
-@pytest.mark.parametrize("lighting", ["none", "headlight"])
+@pytest.mark.parametrize("lighting", ["none", "headlight", "kit"])
 def test_exact_techniques_draw_the_same_picture(lighting: Any) -> None:
     scene = mixed(5)
     options: dict[str, Any] = {"line_width": 4, "point_size": 9, "lighting": lighting}
@@ -153,7 +153,7 @@ def test_exact_techniques_draw_the_same_picture(lighting: Any) -> None:
             np.testing.assert_array_equal(got.image, wanted.image)
 
 
-@given(seed=st.integers(0, 10**6), width=st.floats(0.1, 60), samples=st.sampled_from([1, 4]))
+@given(seed=st.integers(0, 10**6), width=st.floats(0.1, 60), samples=st.sampled_from([1, 4, 8]))
 def test_any_scene_is_the_same_by_lanes_and_by_technique(seed: int, width: float, samples: Any) -> None:
     options: dict[str, Any] = {"line_width": width, "point_size": width / 2, "samples": samples}
     pictures = [
