@@ -87,6 +87,22 @@ def not_negative(name: str, value: object, what: str) -> float:
     return found
 
 
+def length(name: str, value: object, most: float) -> float | str:
+    """Return a length as a number of pixels, or as text such as "0.01u", scene units. Raises InputError.
+
+    value: a number above 0, or text that is one, of pixels up to `most`; with a "u" behind it, of scene units.
+    """
+    text = value.strip() if isinstance(value, str) else ""
+    found = number(text.removesuffix("u") if text else value)
+    if text.endswith("u") and 0 < found < math.inf:
+        return f"{found!r}u"
+    if not 0 < found <= most:
+        raise InputError(
+            f"{name}: expected pixels above 0, up to {most:,g}, or scene units such as 0.01u, got {value!r}"
+        )
+    return found
+
+
 def number_range(name: str, value: object) -> tuple[float, float]:
     """Return the value as (low, high) with 0 <= low < high, or raise InputError."""
     try:

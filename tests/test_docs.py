@@ -47,8 +47,9 @@ def examples(page: Path) -> list[tuple[str, str]]:
     return re.findall(marked, page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
-def test_the_example_of_materials_draws_its_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    [(picture, code)] = examples(DOCS / "materials.md")
+@pytest.mark.parametrize("page", ["materials.md", "lines.md"])
+def test_the_example_of_a_page_draws_its_picture(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    [(picture, code)] = examples(DOCS / page)
     monkeypatch.chdir(tmp_path)
     exec(code, {})
     with Image.open(DOCS / picture) as shown, Image.open(tmp_path / Path(picture).name) as drawn:

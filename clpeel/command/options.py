@@ -16,7 +16,9 @@ PICTURE = {each.name: each for each in options_of(PictureOptions)}
 
 METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy")
 """Options of all pictures whose flags stand beside those of the techniques."""
-"""The options of all pictures, by name."""
+
+MARKS = ("line_width", "point_size", "point_type")
+"""Options of all pictures that say how lines and points are drawn. All commands that show a scene have them."""
 
 
 def add_files(parser: argparse.ArgumentParser, done: str, none: Literal["+", "*"] = "+") -> None:
@@ -129,6 +131,8 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
     text = "{} of every surface, in place of the file's; once for all files, or once for each, in order"
     add("--opacity", action="append", type=values.opacity, metavar="0..1", help=text.format("opacity"))
     add("--color", action="append", type=values.surface_color, metavar="COLOR", help=text.format("colour"))
+    for name in MARKS:
+        add_option(group, PICTURE[name])
     lighting = PICTURE["lighting"]
     text = "kit (lights that move with the camera), headlight (a light there), scene (the file's own lights) or none"
     default = "(default: scene if the file has lights, else kit)"

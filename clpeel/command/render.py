@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from clpeel.command.inputs import load_demo, load_files, make_camera
-from clpeel.command.options import METHOD, technique_options
+from clpeel.command.options import MARKS, METHOD, technique_options
 from clpeel.command.outputs import (
     LAYER_FILES,
     check_apart,
@@ -90,7 +90,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         write(outputs.stats, (json.dumps(stats, indent=2, default=plain) + "\n").encode())
     if not options.quiet and outputs.picture != "-":
         width, height = options.resolution
-        say(f"wrote {wrote} ({width} x {height}, {len(scene.faces):,} triangles, {written - started:.2f} s)")
+        say(f"wrote {wrote} ({width} x {height}, {scene.described}, {written - started:.2f} s)")
     return 0
 
 
@@ -132,7 +132,7 @@ def given_options(options: argparse.Namespace, scene: Scene | None = None) -> di
     from clpeel.rendering.options import COMMAND_SAMPLES
     from clpeel.techniques import AUTO, technique
 
-    names = (*technique_options(), *METHOD, "samples", "memory", "light_intensity", "highlights")
+    names = (*technique_options(), *METHOD, *MARKS, "samples", "memory", "light_intensity", "highlights")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     if options.samples is None and (options.technique == AUTO or not technique(options.technique).maps):
         given["samples"] = COMMAND_SAMPLES
@@ -142,6 +142,11 @@ def given_options(options: argparse.Namespace, scene: Scene | None = None) -> di
         "background": None if options.no_background else options.background_color,
         "lighting": lighting_for(options, scene),
     }
+
+
+def given_marks(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the given options of how lines and points are drawn."""
+    return {name: value for name in MARKS if (value := getattr(options, name)) is not None}
 
 
 def lighting_for(options: argparse.Namespace, scene: Scene | None) -> Lighting:
@@ -180,7 +185,7 @@ def _say_what_was_read(options: argparse.Namespace, scene: Scene, name: str, sec
         if layers and scene.surfaces == "opaque" and options.opaque in (None, "first"):
             say("note: all is opaque, so there is one layer; --opacity 0.5 or --opaque blend peels what lies behind it")
     if options.verbose:
-        say(f"{name}: {len(scene.faces):,} triangles, read in {seconds:.2f} s")
+        say(f"{name}: {scene.described}, read in {seconds:.2f} s")
 
 
 def _result(options: argparse.Namespace, scene: Scene, layers: bool, progress: Progress) -> Result:

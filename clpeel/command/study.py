@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from clpeel.checks import parse_memory
 from clpeel.command.inputs import load_files, make_camera
 from clpeel.command.outputs import check_apart, check_picture, check_writable, write
-from clpeel.command.render import lighting_for
+from clpeel.command.render import given_marks, lighting_for
 from clpeel.command.streams import check_standard_output, print_text, quiet_libraries, say, say_notes
 from clpeel.command.terminal import EXIT_INTERRUPTED, Progress
 from clpeel.errors import InputError
@@ -72,6 +72,7 @@ def run_compare(options: argparse.Namespace) -> int:
             memory=options.memory,
             device=options.device,
             lanes=options.lanes,
+            **given_marks(options),
             pictures="html" in files,
             progress=progress if progress.enabled else None,
         )
@@ -124,6 +125,7 @@ def run_complexity(options: argparse.Namespace) -> int:
             memory=options.memory,
             device=options.device,
             lanes=options.lanes,
+            **given_marks(options),
             progress=progress if progress.enabled else None,
         )
         progress(1.0, "writing")
@@ -140,5 +142,5 @@ def run_complexity(options: argparse.Namespace) -> int:
         print_text(format_complexity(found.figures()), aside=output == "-")
         if output != "-":
             width, height = options.resolution
-            say(f"wrote {options.output} ({width} x {height}, {len(scene.faces):,} triangles)")
+            say(f"wrote {options.output} ({width} x {height}, {scene.described})")
     return 0

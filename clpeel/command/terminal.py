@@ -80,6 +80,8 @@ STATS_ROWS = {
     "size": "pixels",
     "samples": "samples a pixel",
     "triangles": "triangles",
+    "lines": "lines",
+    "points": "points",
     "clipped": "clipped triangles",
     "discarded": "discarded triangles",
     "passes": "passes",
@@ -126,7 +128,8 @@ def format_complexity(figures: Figures) -> str:
     These are the counts, a histogram of covered pixels, and what each technique needs.
     """
     width, height = figures["size"]
-    lines = [f"{width:,} x {height:,} pixels, {figures['triangles']:,} triangles"]
+    marks = "".join(f", {figures[kind]:,} {kind}" for kind in ("lines", "points") if figures[kind])
+    lines = [f"{width:,} x {height:,} pixels, {figures['triangles']:,} triangles{marks}"]
     if not figures["covered_pixels"]:
         return "\n".join([*lines, "nothing is in view"])
     opaque = figures["opaque_pixels"]

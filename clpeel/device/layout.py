@@ -133,6 +133,15 @@ hits."""
 LEVEL_STARTS = 16
 """Words before a texture's texels: where each of its levels begins (kernels/shading/textures.h)."""
 
+MOST_WIDTH = 8192
+"""The greatest width of a line, or size of a point, in samples. Kernels limit widths in scene units to it.
+
+A 1/16 of the guard band is half of it, so that lines that are cut at 3/4 of the band stay within it (expand.cl).
+"""
+
+PointType = Literal["sphere", "disc", "square"]
+"""How a point is drawn. A sphere is a disc, but lights show it as a ball."""
+
 DepthFormat = Literal["float32-reversed", "float32", "unorm24", "rgba8"]
 DEPTH_FORMATS: tuple[DepthFormat, ...] = get_args(DepthFormat)
 """How a depth is stored. The order is that of the kernels' numbers (depth.h)."""
@@ -147,7 +156,8 @@ DRAWN, CLIPPED, DISCARDED = 1, 2, 3
 
 # Flags of a record, one bit each. SMALL: its edge functions fit 32 bits (SMALL_EXTENT). BACK_FACING: the face is seen
 # from behind (its corners, as given, run clockwise). OPAQUE: all its alphas are 1; a face's state has this bit, too.
-SMALL, BACK_FACING, OPAQUE = 1, 2, 4
+# TURNED: it has no sides, as it is of a line or a point, so lights find its normals turned to the eye.
+SMALL, BACK_FACING, OPAQUE, TURNED = 1, 2, 4, 8
 
 LIST_RUN = 64
 """How many faces list_triangles goes through at once (projection.cl)."""

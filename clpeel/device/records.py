@@ -29,7 +29,7 @@ TRIANGLE = np.dtype(
         ("depth_max", np.float32),
         ("inverse_area", np.float32),  # 1 / twice the area in square subpixels
         ("source", np.uint32),  # submission index: the number of its face
-        ("flags", np.uint32),  # SMALL | BACK_FACING | OPAQUE
+        ("flags", np.uint32),  # SMALL | BACK_FACING | OPAQUE | TURNED
         ("left_right", np.uint32),  # its bounds, as in `bounds`: first column | last column << 16
         ("top_bottom", np.uint32),  # first row | last row << 16
     ]

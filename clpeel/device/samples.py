@@ -31,6 +31,11 @@ class Pattern:
         return tuple(((self.rows * i + j + 0.5) / n, (self.columns * j + down[i] + 0.5) / n) for i, j in cells)
 
     @property
+    def across(self) -> float:
+        """How many samples a pixel has in its width for each in its height."""
+        return self.columns / self.rows
+
+    @property
     def word(self) -> int:
         """The pattern as kernels have it (kernels/base/common.h, PATTERN). A block of cells shows it several times."""
         if self.down is None:

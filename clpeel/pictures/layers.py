@@ -33,7 +33,7 @@ class Layers:
     color: float32 [n, 4], straight RGBA 0..1, lit if the picture was lit.
     depth: float32 [n], the distance from the camera along its view axis in scene units. It is float64 if float32 cannot
     hold the distances.
-    triangle: int32 [n], the index of the scene's face.
+    triangle: int32 [n], the index of the scene's face. Lines are counted behind the faces, and points behind the lines.
 
     Layers are ordered by (depth, submission). A pixel's layers end with the first opaque one, whose alpha is exactly 1,
     unless it was rendered with opaque="blend". Raises InputError if the arrays do not fit together.

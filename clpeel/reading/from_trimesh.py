@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.errors import InputError
+from clpeel.reading.marks import chains, marks
 from clpeel.reading.mtl import finished
 from clpeel.reading.transforms import cofactors, moved, turned
 from clpeel.reading.words import one_line
@@ -20,24 +21,52 @@ from clpeel.scene.textures import Texture, linear
 
 
 def from_trimesh(source: Any, display_referred: bool = False) -> Scene:
-    """Return the triangles of a trimesh mesh, or of all nodes of a trimesh scene in graph order.
+    """Return what a trimesh mesh, cloud or path shows, or all nodes of a trimesh scene in graph order.
 
     display_referred: whether the colours of materials for glTF are, as in a COLLADA file. They are linear in glTF.
-    Raises InputError if there are no triangles. Lines, points and meshes without faces are skipped, and a note says so.
+    Raises InputError if there is nothing to draw. Meshes without faces are skipped, and a note says so.
     """
     if hasattr(source, "graph"):
         placed = [source.graph[node] for node in source.graph.nodes_geometry]
         pieces = [(source.geometry[name], np.asarray(matrix, dtype=np.float64)) for matrix, name in placed]
     else:
         pieces = [(source, np.eye(4))]
-    meshes = [(mesh, matrix) for mesh, matrix in pieces if hasattr(mesh, "faces") and len(mesh.faces)]
-    others = Counter(_kind(piece) for piece, _ in pieces if not (hasattr(piece, "faces") and len(piece.faces)))
-    left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
-    if not meshes:
-        raise InputError(f"expected triangles, got {left_out or 'none'}; the mesh is empty")
     made = _Materials(display_referred)
-    scene = joined([_from_mesh(mesh, matrix, made) for mesh, matrix in meshes])
-    return replace(scene, notes=(*scene.notes, f"left out, not triangles: {left_out}")) if left_out else scene
+    scenes = list[Scene]()
+    others = Counter[str]()
+    for piece, matrix in pieces:
+        found = (
+            _from_mesh(piece, matrix, made) if hasattr(piece, "faces") and len(piece.faces) else _marks(piece, matrix)
+        )
+        if found is None:
+            others[_kind(piece)] += 1
+        else:
+            scenes.append(found)
+    left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
+    if not scenes:
+        raise InputError(f"expected triangles, lines or points, got {left_out or 'none'}; the mesh is empty")
+    scene = joined(scenes)
+    return replace(scene, notes=(*scene.notes, f"left out, nothing to draw: {left_out}")) if left_out else scene
+
+
+def _marks(piece: Any, matrix: NDArray[np.float64]) -> Scene | None:
+    """Return the Scene of one trimesh path or cloud, transformed by matrix [4, 4], or None if it has nothing."""
+    if hasattr(piece, "faces"):
+        return None
+    vertices = np.asarray(piece.vertices, dtype=np.float64)
+    if not len(vertices):
+        return None
+    lines, points, colors = None, np.arange(len(vertices)), getattr(piece, "colors", None)
+    if hasattr(piece, "entities"):
+        curves = [np.asarray(entity.discrete(vertices)) for entity in piece.entities]
+        counts = np.array([len(curve) for curve in curves], np.int64)
+        lines, points = chains(counts), np.zeros(0, np.int64)
+        colors = None if colors is None or len(colors) != len(curves) else np.repeat(colors, counts, axis=0)
+        vertices = np.concatenate(curves) if curves else np.zeros((0, 3))
+    if vertices.shape[1] == 2:
+        vertices = np.column_stack([vertices, np.zeros(len(vertices))])
+    given = colors if colors is not None and len(colors) == len(vertices) and len(colors) else None
+    return marks(moved(vertices, matrix), lines, points, vertex_colors=given)
 
 
 def _kind(piece: Any) -> str:

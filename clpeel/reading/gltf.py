@@ -1,4 +1,4 @@
-"""Reads glTF 2.0: the triangles of the default scene's nodes as a Scene, and notes of what it lacks."""
+"""Reads glTF 2.0: what the default scene's nodes show as a Scene, and notes of what it lacks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from clpeel.errors import InputError
 from clpeel.reading import gltf_nodes
 from clpeel.reading.companions import Companions
-from clpeel.reading.gltf_accessors import Accessors
+from clpeel.reading.gltf_accessors import Accessors, unit
 from clpeel.reading.gltf_animations import Moment, moved
 from clpeel.reading.gltf_document import Document, objects
 from clpeel.reading.gltf_lights import lights_of
@@ -57,17 +57,20 @@ def read_gltf(data: bytes, extension: str, companions: Companions, moment: Momen
     pieces, others = _pieces(document, accessors, poses)
     materials = Materials(document, Textures(accessors))
     for piece in pieces:
-        materials.want(piece.primitive)
+        if not piece.primitive.marks:
+            materials.want(piece.primitive)
     materials.textures.decode()
     scenes = list[Scene]()
     for piece in pieces:
-        look = materials.look(piece.primitive)
+        look = materials.look(piece.primitive) if not piece.primitive.marks else None
         if look is not None:
             scenes.append(_scene(piece, look))
+        elif piece.primitive.marks:
+            scenes.append(_marks(piece, materials))
     materials.note_losses()
     left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
     if left_out:
-        document.note(f"left out, not triangles: {left_out}")
+        document.note(f"left out, nothing to draw: {left_out}")
     if not scenes:
         meshes = document.entries("meshes")
         none = f"{len(meshes)} mesh(es) that no node shows" if meshes else "none"
@@ -117,15 +120,8 @@ def _pieces(document: Document, accessors: Accessors, poses: Poses) -> tuple[lis
 def _scene(piece: _Piece, look: Look) -> Scene:
     """Return the scene of a primitive as nodes show it. Raises InputError."""
     primitive, weights = piece.primitive, piece.weights
-    points = primitive.floats("POSITION", weights, "VEC3")
-    normals = primitive.floats("NORMAL", weights, "VEC3") if primitive.has("NORMAL") else None
-    if piece.joints is None:
-        matrix = np.concatenate(piece.places)[:, None]
-    else:
-        matrix = skinned(primitive, piece.joints)[None]
-    vertices, normals, faces = placed(points, normals, primitive.faces, matrix)
+    vertices, normals, faces, copies = _placed(piece)
     given: dict[str, Any] = {"vertex_normals": normals}
-    copies = len(matrix)
     given["materials"] = (look.material,)
     if look.material.plain:
         given["color"] = look.color
@@ -137,6 +133,38 @@ def _scene(piece: _Piece, look: Look) -> Scene:
         given["uv"], *given["more_uv"] = (np.tile(uv, (copies, 1)) for uv in sets)
     scene = Scene.from_arrays(vertices, faces, **given)
     return replace(scene, single_sided=np.ones(len(faces), bool)) if look.single_sided else scene
+
+
+def _placed(piece: _Piece) -> tuple[Reals, Reals | None, AnyArray, int]:
+    """Return vertices, normals and faces of a primitive as nodes show it, and how many copies of it there are."""
+    primitive, weights = piece.primitive, piece.weights
+    points = primitive.floats("POSITION", weights, "VEC3")
+    normals = primitive.floats("NORMAL", weights, "VEC3") if primitive.has("NORMAL") else None
+    if piece.joints is None:
+        matrix = np.concatenate(piece.places)[:, None]
+    else:
+        matrix = skinned(primitive, piece.joints)[None]
+    return (*placed(points, normals, primitive.faces, matrix), len(matrix))
+
+
+def _marks(piece: _Piece, materials: Materials) -> Scene:
+    """Return the scene of a primitive of lines or points as nodes show it. Raises InputError.
+
+    Its colours are shown as they are: what its material makes of them, without textures.
+    """
+    primitive = piece.primitive
+    vertices, normals, faces, copies = _placed(piece)
+    own = unit(_colors(primitive, piece.weights), True) if primitive.has("COLOR_0") else np.ones((1, 4))
+    colors, lit = materials.shown(primitive, np.asarray(own, np.float64))
+    lines = faces if faces.shape[1] == 2 else None
+    return Scene.from_arrays(
+        vertices,
+        lines=lines,
+        points=faces[:, 0] if lines is None else None,
+        vertex_colors=None if len(colors) == 1 else np.tile(colors, (copies, 1)),
+        color=colors[0] if len(colors) == 1 else None,
+        vertex_normals=normals if lit else None,
+    )
 
 
 def _colors(primitive: Primitive, weights: Any) -> AnyArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from clpeel.errors import InputError
 from clpeel.reading.companions import named
@@ -104,6 +104,23 @@ class Materials:
             self._looks[primitive] = self._look(primitive)
         return self._looks[primitive]
 
+    def shown(self, primitive: Primitive, colors: NDArray[np.float64]) -> tuple[Colors, bool]:
+        """Return the colours of lines or points as they are shown, [n, 4], and whether lights change them.
+
+        colors: of their vertices, linear, [n, 3 or 4]. Raises InputError.
+        """
+        recipe = self._recipe(primitive.material)
+        if recipe.mapped is not None:
+            self._lose("textures left out, of lines and points", recipe.name)
+        found = np.ones((len(colors), 4))
+        found[:, : colors.shape[1]] = colors
+        found *= recipe.base_color
+        if recipe.alpha_mode == "MASK":
+            found[:, 3] = np.where(found[:, 3] < recipe.alpha_cutoff, 0.0, recipe.opacity)
+        else:
+            found[:, 3] = recipe.opacity * (found[:, 3] if recipe.alpha_mode == "BLEND" else 1.0)
+        return _shown(found[:, :3], found[:, 3:]), not recipe.unlit
+
     def _look(self, primitive: Primitive) -> Look | None:
         recipe, base = self._recipe(primitive.material), self._mapped(primitive)
         texture = None if base is None else self.textures.get(base.index)
@@ -118,7 +135,7 @@ class Materials:
             alpha = recipe.base_color[3] if mode == "BLEND" else recipe.opacity
             numbers = finish.metallic, finish.roughness, finish.emissive  # which are all that it has without textures
             material = self._plain.setdefault(numbers, Material(plain=True, finish=finish))
-            return Look(recipe.single_sided, material, _shown(recipe.base_color[:3], alpha))
+            return Look(recipe.single_sided, material, _shown(recipe.base_color[:3], [alpha]))
         key = (primitive.material, texture is not None, mode, mappings)
         if key not in self._made:
             red, green, blue, alpha = recipe.base_color
@@ -267,8 +284,11 @@ def _finish(material: Json, metal: Json, gloss: Json | None) -> Finish:
     return Finish(metallic, rough, (red * strength, green * strength, blue * strength))
 
 
-def _shown(rgb: tuple[float, ...], alpha: float) -> Colors:
-    """Return linear light and an alpha as a colour that is shown as it is: uint8 where that loses nothing."""
-    color: NDArray[np.float64] = np.array([*srgb(rgb), alpha])
+def _shown(rgb: ArrayLike, alpha: ArrayLike) -> Colors:
+    """Return linear light [..., 3] and alphas [..., 1] as colours that are shown as they are.
+
+    They are uint8 where that loses nothing.
+    """
+    color: NDArray[np.float64] = np.concatenate([srgb(rgb), np.asarray(alpha, np.float64)], axis=-1)
     level = np.rint(color * 255)
     return level.astype(np.uint8) if (abs(color - level / 255) < _WHOLE).all() else color.astype(np.float32)

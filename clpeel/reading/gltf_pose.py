@@ -105,7 +105,8 @@ def placed(
 ) -> tuple[Reals, Reals | None, AnyArray]:
     """Return vertices [k * n, 3], unit normals or None, and faces [k * m, 3] in the world.
 
-    points, normals: [n, 3]. faces: [m, 3]. matrix: [k, 1, 4, 4] for k copies of all, or [1, n, 3, 4] of each vertex.
+    points, normals: [n, 3]. faces: [m, 3], lines [m, 2] or points [m, 1].
+    matrix: [k, 1, 4, 4] for k copies of all, or [1, n, 3, 4] of each vertex.
     Where a transform mirrors, two corners of a face are swapped, so that its front stays its front (section 3.7.4).
     """
     count, size = len(matrix), len(points)
@@ -118,8 +119,8 @@ def placed(
         normals /= np.sqrt(normals[..., 0:1] ** 2 + normals[..., 1:2] ** 2 + normals[..., 2:3] ** 2)
         normals = normals.reshape(-1, 3)
     if count > 1:
-        faces = (faces[None] + size * np.arange(count)[:, None, None]).reshape(-1, 3)
-    if (signs < 0).any():
+        faces = (faces[None] + size * np.arange(count)[:, None, None]).reshape(-1, faces.shape[1])
+    if faces.shape[1] == 3 and (signs < 0).any():
         mirrored = np.broadcast_to(signs < 0, (count, size)).reshape(-1)[faces[:, 0]]
         faces = np.where(mirrored[:, None], faces[:, [0, 2, 1]], faces)
     return vertices.reshape(-1, 3), normals, faces

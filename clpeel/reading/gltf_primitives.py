@@ -1,4 +1,4 @@
-"""A glTF primitive: its triangles, and the numbers of its vertices, morphed by the weights of its targets."""
+"""A glTF primitive: its triangles, lines or points, and the numbers of its vertices, morphed by its targets."""
 
 from __future__ import annotations
 
@@ -10,22 +10,24 @@ from clpeel.errors import InputError
 from clpeel.reading import compressed
 from clpeel.reading.gltf_accessors import Accessors, unit
 from clpeel.reading.gltf_document import DRACO, Json, damaged, extension, fields, objects, whole
+from clpeel.reading.marks import chain
 from clpeel.reading.strips import fan, strip
 from clpeel.scene.arrays import AnyArray
 
-_KINDS = {0: "point cloud(s)", 1: "line set(s)", 2: "line set(s)", 3: "line set(s)"}
 _SHARES = ("COLOR_", "WEIGHTS_")
 """How attributes begin whose integers are normalized whether their accessors say so or not."""
 
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_POINTS, _LINES, _LOOP, _LINE_STRIP, _TRIANGLES, _STRIP, _FAN = range(7)
+_WIDTHS = {_POINTS: 1, _LINES: 2, _LOOP: 2, _LINE_STRIP: 2}
+"""How many vertices a point and a line have, by the mode."""
 
 
 class Primitive:
-    """The triangles of a primitive, and the numbers of its vertices, which are read when they are asked for.
+    """What a primitive consists of, and the numbers of its vertices, which are read when they are asked for.
 
-    faces: [m, 3] integers 0..count-1. count: how many vertices it has. Several primitives may share one long list of
-    vertices, so each keeps only those that it uses. material: its index, or None. lacks: what it is, in words, if it
-    has no triangles.
+    faces: its triangles, [m, 3] integers 0..count-1, or its lines [m, 2], or its points [m, 1]. count: how many
+    vertices it has. Several primitives may share one long list of vertices, so each keeps only those that it uses.
+    material: its index, or None. lacks: what it is, in words, if there is nothing to draw.
 
     Raises InputError if the primitive is damaged, or packed in a way that is not read.
     """
@@ -40,11 +42,16 @@ class Primitive:
         self._stored = 0
         self.faces: AnyArray = np.zeros((0, 3), np.int32)
         mode = whole("mode", primitive.get("mode", _TRIANGLES))
-        self.lacks = _KINDS.get(mode) or (None if "POSITION" in self._attributes else "mesh(es) without positions")
+        self.lacks = None if "POSITION" in self._attributes else "mesh(es) without positions"
         if self.lacks is None:
             self.faces = self._triangles(primitive, mode)
             self.lacks = None if len(self.faces) else "mesh(es) without faces"
         self.count = self._stored if self._used is None else len(self._used)
+
+    @property
+    def marks(self) -> bool:
+        """Whether it consists of lines or points."""
+        return self.faces.shape[1] < 3
 
     # --- numbers of vertices ------------------------------------------------------------------------------------------
 
@@ -93,12 +100,12 @@ class Primitive:
     # --- triangles ----------------------------------------------------------------------------------------------------
 
     def _triangles(self, primitive: Json, mode: int) -> AnyArray:
-        """Return the triangles [m, 3]. Sets which vertices are used."""
+        """Return the triangles [m, 3], lines [m, 2] or points [m, 1]. Sets which vertices are used."""
         faces = self._draco(primitive)
         if faces is None:
             self._stored = len(self._accessors.values(self._attributes["POSITION"], "POSITION", "VEC3"))
             faces = self._indexed(primitive, mode)
-        if self._stored <= 3 * len(faces):
+        if self._stored <= faces.size:
             return faces
         used = np.zeros(self._stored, bool)
         used[faces.reshape(-1)] = True
@@ -106,7 +113,7 @@ class Primitive:
         return (np.cumsum(used) - 1)[faces]
 
     def _indexed(self, primitive: Json, mode: int) -> AnyArray:
-        """Return the triangles of the indices, or of the vertices in their order if there are none."""
+        """Return the triangles, lines or points of the indices, or of the vertices in their order without indices."""
         if "indices" in primitive:
             indices = self._accessors.values(primitive["indices"], "indices", "SCALAR")[:, 0]
             _check(indices, self._stored)
@@ -116,11 +123,15 @@ class Primitive:
             return strip(indices)
         if mode == _FAN:
             return fan(indices)
-        if mode != _TRIANGLES:
+        if mode in (_LOOP, _LINE_STRIP):
+            return indices[chain(len(indices), closed=mode == _LOOP)]
+        if mode not in (_POINTS, _LINES, _TRIANGLES):
             damaged(f"mode: expected 0..6, got {mode}")
-        if len(indices) % 3:
-            self._accessors.document.note(f"corners left out, as they make no whole triangle: {len(indices) % 3}")
-        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+        width = _WIDTHS.get(mode, 3)
+        if len(indices) % width:
+            what = "line" if mode == _LINES else "triangle"
+            self._accessors.document.note(f"corners left out, as they make no whole {what}: {len(indices) % width}")
+        return indices[: len(indices) // width * width].reshape(-1, width)
 
     def _draco(self, primitive: Json) -> AnyArray | None:
         """Return the triangles that Draco has packed, and keep its attributes. Raises InputError.

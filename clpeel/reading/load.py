@@ -1,4 +1,4 @@
-"""Loading: turns any mesh file or object that trimesh reads into a Scene."""
+"""Loading: turns any file of meshes or points, or object that trimesh reads, into a Scene."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ from clpeel.reading.reader_log import collected
 from clpeel.reading.signatures import check_beginning
 from clpeel.reading.stl import stl
 from clpeel.reading.words import one_line
+from clpeel.reading.xyz import XYZ, xyz
 from clpeel.scene.arrays import checked_color, checked_opacity
 from clpeel.scene.duplicates import duplicates
 from clpeel.scene.scene import Scene, joined, recolored, without_faces
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 GLTF = ("glb", "gltf")
 
-KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf")
+KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf", "pcd", *XYZ)
 """File types that `load` always reads, with or without .gz. It reads more where trimesh has the packages for them."""
 
 _READERS: dict[str, Callable[[bytes, Companions], Scene]] = {"ply": ply, "stl": stl, "obj": obj, "off": off}
@@ -55,7 +56,8 @@ def load(
 ) -> Scene:
     """Return one Scene from mesh files, trimesh meshes or scenes, and Scenes. Several are joined in the order given.
 
-    Files may be PLY, STL, OBJ, OFF, GLB, glTF or 3MF, each with or without .gz. Scene-graph transforms are applied in
+    Files may be PLY, STL, OBJ, OFF, GLB, glTF or 3MF, or point clouds as PCD or text (XYZ), each with or without .gz.
+    Lines and points of PLY, OBJ and glTF are drawn, too. Scene-graph transforms are applied in
     float64. Colours come from the faces, the vertices, and the materials with their textures: base colours and alpha
     modes of glTF, which are linear, and Kd, d, map_Kd and map_d of OBJ, which are display-referred, as are colours in
     PLY, STL, OFF and 3MF files. A mesh without any colour gets DEFAULT_COLOR, but a glTF mesh without a material is
@@ -70,7 +72,7 @@ def load(
     them alone means animation 0, or its start. Without both, meshes are in their pose at rest.
 
     Raises InputError, one line that begins with the file's name, if a file is missing, unreadable, damaged, of an
-    unknown type, without triangles, or requires a glTF extension that is not read, or if a glTF file has no such
+    unknown type, without anything to draw, or requires a glTF extension that is not read, or if a glTF file has no such
     animation, or no source is a glTF file that could have one.
     """
     if not sources:
@@ -131,7 +133,9 @@ def _opened(source: Any, moment: Moment | None) -> Scene:
     if isinstance(source, (str, os.PathLike)):
         return _from_file(os.fsdecode(source), moment)
     trimesh = sys.modules.get("trimesh")
-    if trimesh is not None and isinstance(source, (trimesh.Trimesh, trimesh.Scene, trimesh.PointCloud)):
+    # Asking trimesh for its paths would import packages that it may lack.
+    is_path = any(base.__module__.startswith("trimesh.path") for base in type(source).__mro__)
+    if trimesh is not None and (is_path or isinstance(source, (trimesh.Trimesh, trimesh.Scene, trimesh.PointCloud))):
         with _errors_named("trimesh object"), collected():
             return from_trimesh(source)
     raise InputError(f"load: expected a path, a trimesh object or a Scene, got {type(source).__name__}")
@@ -157,6 +161,12 @@ def _from_file(path: str, moment: Moment | None) -> Scene:
             from clpeel.reading.three_mf import three_mf
 
             return three_mf(data)
+        if extension == "pcd":
+            from clpeel.reading.pcd import pcd
+
+            return pcd(data)
+        if extension in XYZ:
+            return xyz(data, extension)
         if extension in _READERS:
             return _READERS[extension](data, Companions(path))
     _require_reader(path, extension)

@@ -17,10 +17,12 @@ from clpeel.reading.companions import Companions, named
 from clpeel.reading.corners import Places, fans, split
 from clpeel.reading.lines import Lines, parsed, word_starts
 from clpeel.reading.losses import listed, missing
+from clpeel.reading.marks import chains, marks, together
 from clpeel.reading.mtl import Library, Placing
+from clpeel.scene.arrays import DEFAULT_COLOR
 from clpeel.scene.materials import NO_MATERIAL, Material
 from clpeel.scene.scene import Scene
-from clpeel.scene.textures import linear
+from clpeel.scene.textures import linear, srgb
 
 _SHAPES = ("curv", "curv2", "surf", "call", "csh", "bzp", "bsp", "cdc", "cdp")
 _COMMENT_BEHIND = re.compile(rb"^([ \t]*(?:v|vt|vn|f|l|p)[ \t][^#\n]*)#[^\n]*", re.MULTILINE)
@@ -29,28 +31,33 @@ _COMMENT_BEHIND = re.compile(rb"^([ \t]*(?:v|vt|vn|f|l|p)[ \t][^#\n]*)#[^\n]*", 
 def obj(data: bytes, companions: Companions) -> Scene:
     """Return the scene of an OBJ file. companions: the files beside it, for materials and textures.
 
-    Raises InputError if there are no faces, or if it is damaged.
+    Vertices are points if there is nothing else. Raises InputError if there is nothing to draw, or if it is damaged.
     """
     if data.count(b"#") > data.count(b"\n#"):
         data = _COMMENT_BEHIND.sub(rb"\1", data)
     lines = Lines(data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" "))
     notes = list[str]()
-    faces = _Faces.of(lines, notes)
-    surface = _Surface.of(lines, faces, companions, notes)
+    counts = lines.counts[lines.beginning_with(b"f")] - 1
+    library = Library(companions)
+    faces = None
+    if (counts >= 3).any():
+        found = _Faces.of(lines, notes)
+        faces = _assembled(lines, found, _Surface.of(lines, found, library, notes), notes)
+    elif len(counts):
+        notes.append(f"{len(counts):,} face(s) of fewer than 3 corners left out")
     _note_other_shapes(lines, notes)
-    scene = _assembled(lines, faces, surface, notes)
+    scene = together([faces, _marks(lines, library, faces is None, notes)])
+    if scene is None:
+        raise InputError("expected triangles, lines or points, got none; the mesh is empty")
     return replace(scene, notes=tuple(dict.fromkeys((*notes, *missing(companions, notes)))))
 
 
 def _note_other_shapes(lines: Lines, notes: list[str]) -> None:
-    """Add notes of curves, surfaces, lines and points."""
-    counts = {word: len(lines.beginning_with(word.encode())) for word in (*_SHAPES, "l", "p")}
+    """Add a note of curves and surfaces."""
+    counts = {word: len(lines.beginning_with(word.encode())) for word in _SHAPES}
     shapes = [f"{counts[word]} {word}" for word in _SHAPES if counts[word]]
     if shapes:
         notes.append(f"curves and surfaces left out: {', '.join(shapes)}")
-    parts = [f"{counts[word]} {name}" for word, name in (("l", "line(s)"), ("p", "point(s)")) if counts[word]]
-    if parts:
-        notes.append(f"left out, not triangles: {', '.join(parts)}")
 
 
 # --- faces ------------------------------------------------------------------------------------------------------------
@@ -73,11 +80,7 @@ class _Faces:
     def of(lines: Lines, notes: list[str]) -> _Faces:
         """Return the triangles in the lines. Raises InputError if a corner names no vertex of the file."""
         where = lines.beginning_with(b"f")
-        vertices = lines.beginning_with(b"v")
         counts = lines.counts[where] - 1
-        if not (counts >= 3).any():
-            got = f"{len(vertices):,} point(s) alone" if len(vertices) else "none"
-            raise InputError(f"expected triangles, got {got}; the mesh is empty")
         short = np.count_nonzero(counts < 3)
         if short:
             notes.append(f"{short:,} face(s) of fewer than 3 corners left out")
@@ -87,20 +90,26 @@ class _Faces:
         found = list[Places]()
         for column, word in enumerate((b"v", b"vt", b"vn")):
             own = lines.beginning_with(word)
-            # A negative index counts back from its own line.
-            before = np.repeat(np.searchsorted(own, where), counts)
-            index = given[:, column]
-            absolute = np.where(index < 0, before + index, index - 1)
-            wrong = (absolute < 0) | (absolute >= len(own))
-            if word == b"v" and wrong.any():
-                bad = int(np.argmax(wrong))
-                at = int(np.repeat(where, counts)[bad]) + 1
-                raise InputError(
-                    f"faces: expected indices 1..{len(own)}, got {index[bad]} in line {at}; the mesh is damaged"
-                )
-            absolute[wrong] = -1
+            absolute = _absolute(given[:, column], own, where, counts, "faces" if word == b"v" else None)
             found.append(absolute[corner])
         return _Faces(found[0], found[1], found[2], np.asarray(line))
+
+
+def _absolute(index: Places, own: Places, where: Places, counts: Places, name: str | None) -> Places:
+    """Return indices as they count from 0, or -1 for those that name nothing. A negative one counts back from its line.
+
+    own: the lines of what is named. where, counts: the lines that the indices stand in, and how many in each. name:
+    what an InputError calls them where they name nothing; None if that is no error.
+    """
+    before = np.repeat(np.searchsorted(own, where), counts)
+    absolute = np.where(index < 0, before + index, index - 1)
+    wrong = (absolute < 0) | (absolute >= len(own))
+    if name is not None and wrong.any():
+        bad = int(np.argmax(wrong))
+        at = int(np.repeat(where, counts)[bad]) + 1
+        raise InputError(f"{name}: expected indices 1..{len(own)}, got {index[bad]} in line {at}; the mesh is damaged")
+    absolute[wrong] = -1
+    return absolute
 
 
 def _indices(lines: Lines, where: Places) -> Places:
@@ -135,9 +144,8 @@ class _Surface:
     of_faces: Places
 
     @staticmethod
-    def of(lines: Lines, faces: _Faces, companions: Companions, notes: list[str]) -> _Surface:
+    def of(lines: Lines, faces: _Faces, library: Library, notes: list[str]) -> _Surface:
         """Return the materials that the triangles use, with notes of those that they cannot have."""
-        library = Library(companions)
         named_files = [_text(lines, line) for line in lines.beginning_with(b"mtllib")]
         there = [library.read(line) for line in dict.fromkeys(named_files)]
         notes += library.notes
@@ -168,6 +176,58 @@ def _text(lines: Lines, line: int) -> str:
     return lines.rest(int(line)).decode("utf-8", "replace")
 
 
+# --- lines and points -------------------------------------------------------------------------------------------------
+
+
+def _marks(lines: Lines, library: Library, alone: bool, notes: list[str]) -> Scene | None:
+    """Return the scene of polylines and points. alone: whether the file has no faces; then its vertices may be points.
+
+    They have the colours of their vertices, or else that of their material, which is Kd and d.
+    """
+    own = lines.beginning_with(b"v")
+    where = {word: lines.beginning_with(word) for word in (b"l", b"p")}
+    counts = {word: lines.counts[at] - 1 for word, at in where.items()}
+    corners = {
+        word: _absolute(_indices(lines, at)[:, 0], own, where[word], counts[word], words)
+        for (word, at), words in zip(where.items(), ("lines", "points"), strict=True)
+    }
+    places, colored = _vertices(lines)
+    of_vertices = _colors(places[:, 3:], colored) if colored.any() else None
+    ends = chains(counts[b"l"])
+    if not len(ends) and not len(corners[b"p"]):
+        return marks(places[:, :3], points=np.arange(len(own)), vertex_colors=of_vertices) if alone else None
+    # Each corner has a vertex of its own, as one vertex may have several materials.
+    vertex = np.concatenate([corners[b"l"], corners[b"p"]])
+    at = np.concatenate([np.repeat(where[word], counts[word]) for word in (b"l", b"p")])
+    points = np.arange(len(corners[b"l"]), len(vertex))
+    colors = _material_colors(lines, library, at, notes) if of_vertices is None else of_vertices[vertex]
+    return marks(places[vertex, :3], ends, points, vertex_colors=colors)
+
+
+def _material_colors(lines: Lines, library: Library, at: Places, notes: list[str]) -> NDArray[Any] | None:
+    """Return the colours of what stands in these lines by its material, [n, 4]; None if none has a known one."""
+    for line in dict.fromkeys(_text(lines, line) for line in lines.beginning_with(b"mtllib")):
+        library.read(line)
+    uses = lines.beginning_with(b"usemtl")
+    names = [" ".join(_text(lines, line).split()) for line in uses]
+    use = np.searchsorted(uses, at) - 1  # the last usemtl before each, or -1
+    notes += library.notes
+    known = {number for number in np.unique(use) if number >= 0 and names[number] in library.statements}
+    if not known:
+        return None
+    table = np.tile(np.array(DEFAULT_COLOR, np.float64) / 255, (len(names) + 1, 1))  # the last is of none
+    textured = list[str]()
+    for number in sorted(known):
+        material, _ = library.material(names[number])
+        red, green, blue, alpha = material.base_color
+        table[number] = [*srgb(np.array([red, green, blue])), alpha * material.opacity]
+        textured += [named(names[number])] * (material.texture is not None)
+    notes += library.notes
+    if textured:
+        notes.append(f"textures of lines and points left out: {listed(list(dict.fromkeys(textured)))}")
+    return table[use].astype(np.float32)
+
+
 # --- the scene --------------------------------------------------------------------------------------------------------
 
 
@@ -189,12 +249,17 @@ def _table(lines: Lines, word: bytes, width: int) -> tuple[NDArray[np.float64], 
     return table, counts
 
 
-def _assembled(lines: Lines, faces: _Faces, surface: _Surface, notes: list[str]) -> Scene:
-    """Return the scene. A vertex is split where its corners differ in texture coordinates, normal or kind of colour."""
+def _vertices(lines: Lines) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return x, y, z, r, g and b of each vertex, [n, 6], and whether it has a colour. Raises InputError."""
     points, counts = _table(lines, b"v", 6)
-    colored = counts >= 6  # x y z r g b
     if len(counts) and counts.min() < 3:
         raise InputError(f"vertices: expected three coordinates, got {counts.min()}; the mesh is damaged")
+    return points, counts >= 6
+
+
+def _assembled(lines: Lines, faces: _Faces, surface: _Surface, notes: list[str]) -> Scene:
+    """Return the scene. A vertex is split where its corners differ in texture coordinates, normal or kind of colour."""
+    points, colored = _vertices(lines)
     textured = np.array([*(material.texture is not None for material in surface.materials), False])[surface.of_faces]
     # Each distinct placing has texture coordinates of its own.
     placings = list(dict.fromkeys(surface.placings))

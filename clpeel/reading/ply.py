@@ -1,4 +1,4 @@
-"""PLY: turns the elements of PLY files into Scenes: polygons and strips, colours, normals and textures."""
+"""PLY: turns the elements of PLY files into Scenes: polygons, strips, edges, points, colours, normals and textures."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from clpeel.reading.companions import Companions, named
 from clpeel.reading.corners import Places, fans, split
 from clpeel.reading.images import texels
 from clpeel.reading.losses import missing
+from clpeel.reading.marks import marks
 from clpeel.reading.ply_rows import NO_ROWS, Lists, Rows, read
 from clpeel.reading.strips import strip
 from clpeel.scene.arrays import DEFAULT_COLOR, AnyArray, Colors, alike
 from clpeel.scene.materials import NO_MATERIAL, Material
-from clpeel.scene.scene import Scene
+from clpeel.scene.scene import Scene, joined
 from clpeel.scene.textures import Texture
 
 _INDICES = ("vertex_indices", "vertex_index")
@@ -35,13 +36,12 @@ def ply(data: bytes, companions: Companions) -> Scene:
 
     Colours of PLY are display-referred. Of colours of vertices and of faces, those of vertices are used, unless they
     are all alike. Where a face has a texture, it has no other colour: programs write both, one made from the other.
-    Raises InputError if there are no faces, or if the file is damaged.
+    Edges are lines. Vertices are points if there are no faces, strips and edges.
+    Raises InputError if there is nothing to draw, or if the file is damaged.
     """
     elements, textures = read(data)
     vertex, face = elements.get("vertex", NO_ROWS), elements.get("face", NO_ROWS)
     notes = list[str]()
-    if "edge" in elements and elements["edge"].count:
-        notes.append(f"left out, not triangles: {elements['edge'].count:,} line(s)")
     points = _columns(vertex, ("x", "y", "z"))
     if points is None and vertex.count:
         raise InputError("vertices: expected properties x, y and z, got none; the mesh is damaged")
@@ -52,10 +52,16 @@ def ply(data: bytes, companions: Companions) -> Scene:
         notes.append(f"{short:,} face(s) of fewer than 3 corners left out")
     strips = _strips(elements.get("tristrips", NO_ROWS))
     faces = np.concatenate([polygons.values.astype(np.int64)[place], strips])
-    if points is None or not len(faces):
-        got = f"{vertex.count:,} point(s) alone" if vertex.count and not face.count else "none"
-        raise InputError(f"expected triangles, got {got}; the mesh is empty")
-    fields: dict[str, Any] = {"vertex_normals": _columns(vertex, ("nx", "ny", "nz"))}
+    edges = _edges(elements.get("edge", NO_ROWS), notes)
+    if points is None or not (len(faces) or len(edges) or vertex.count and not face.count):
+        raise InputError("expected triangles, lines or points, got none; the mesh is empty")
+    alone = None if len(faces) or len(edges) else np.arange(vertex.count)
+    normals = _columns(vertex, ("nx", "ny", "nz"))
+    drawn = marks(points, edges, alone, _rgba(vertex), normals)
+    if not len(faces):
+        assert drawn is not None
+        return replace(drawn, notes=tuple(notes))
+    fields: dict[str, Any] = {"vertex_normals": normals}
     fields |= _colors(vertex, face, of_face, len(strips), notes)
     scene = Scene.from_arrays(points, faces, **fields)
     if textures:
@@ -67,7 +73,8 @@ def ply(data: bytes, companions: Companions) -> Scene:
             companions,
             notes,
         )
-    return replace(scene, notes=tuple(dict.fromkeys((*notes, *missing(companions, notes)))))
+    whole = scene if drawn is None else joined([scene, drawn])
+    return replace(whole, notes=tuple(dict.fromkeys((*notes, *missing(companions, notes)))))
 
 
 def _columns(rows: Rows, names: tuple[str, ...]) -> AnyArray | None:
@@ -85,6 +92,18 @@ def _corners(face: Rows) -> Lists:
     if face.count:
         raise InputError("faces: expected a list of vertex_indices, got none; the mesh is damaged")
     return Lists(np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+
+def _edges(rows: Rows, notes: list[str]) -> Places:
+    """Return the edges [k, 2], and note that their colours are left out."""
+    if not rows.count:
+        return np.zeros((0, 2), np.int64)
+    edges = _columns(rows, ("vertex1", "vertex2"))
+    if edges is None:
+        raise InputError("edges: expected properties vertex1 and vertex2, got none; the mesh is damaged")
+    if _rgba(rows) is not None:
+        notes.append(f"colours of {rows.count:,} edge(s) left out: they have those of their vertices")
+    return edges.astype(np.int64)
 
 
 def _strips(rows: Rows) -> Places:

@@ -11,6 +11,7 @@ _BEGINNINGS = {
     "glb": (rb"glTF", "'glTF'"),
     "gltf": (rb"(\xef\xbb\xbf)?\s*\{", "'{', as JSON does"),
     "3mf": (rb"PK", "'PK', as a zip archive does"),
+    "pcd": (rb"(#[^\n]*\n|\s)*(#|VERSION|FIELDS)", "'# .PCD', 'VERSION' or 'FIELDS'"),
     "off": (rb"(\xef\xbb\xbf)?(\s|#[^\n]*\n)*[A-Z0-9]{0,4}OFF\b", "'OFF'"),
 }
 """For each extension, a pattern of how such files begin, and the same in words."""
@@ -43,7 +44,7 @@ def check_beginning(extension: str, data: bytes) -> None:
     """Raise InputError unless the bytes begin as a file with this extension does."""
     if extension in _BEGINNINGS:
         pattern, words = _BEGINNINGS[extension]
-        if not re.match(pattern, data[:4096] if extension == "off" else data[:64]):
+        if not re.match(pattern, data[:4096] if extension in ("off", "pcd") else data[:64]):
             raise InputError(
                 f"not a readable mesh: expected a .{extension} file, which begins with {words}, got {looks_like(data)}"
             )

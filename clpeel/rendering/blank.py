@@ -25,7 +25,7 @@ def why_blank(
     """Why nothing shows in a picture, in one line; None if something does.
 
     image: uint8 [height, width, 4]. background: as checked, or None for straight alpha. covered: 0 if no sample
-    has a surface. discarded: how many triangles have corners that are NaN or infinite.
+    has a surface. discarded: how many triangles, lines and points are NaN or infinite.
     """
     if covered == 0:
         return f"the picture is blank: {_why_nothing_is_covered(scene, camera, discarded)}"
@@ -65,17 +65,21 @@ def _is_wholly_transparent(scene: Scene) -> bool:
         used = {scene.materials[place] for place in np.unique(scene.face_materials[~plain])}
         if any(m.opacity > 0 and (m.alpha_mode != "BLEND" or m.base_color[3] > 0) for m in used):
             return False
-        alpha = np.broadcast_to(alpha, plain.shape)[plain] if scene.vertex_colors is None else alpha[scene.faces[plain]]
+        if scene.vertex_colors is None:
+            alpha = np.broadcast_to(alpha, plain.shape)[plain] if not len(scene.mark_vertices) else alpha
+        else:
+            alpha = alpha[np.append(scene.faces[plain].reshape(-1), scene.mark_vertices)]
     elif scene.vertex_colors is not None:
-        alpha = alpha[scene.faces.reshape(-1)]
+        alpha = alpha[np.append(scene.faces.reshape(-1), scene.mark_vertices)]
     return not alpha.any()
 
 
 def _why_nothing_is_covered(scene: Scene, camera: Camera, discarded: int) -> str:
-    faces = len(scene.faces)
-    if discarded == faces:
-        return f"all {faces:,} triangles have corners that are NaN or infinite"
-    if _is_edge_on(scene, camera):
+    faces, lines, points = scene.counts
+    marks = lines + points
+    if discarded == faces + marks:
+        return f"all {scene.described if marks else f'{faces:,} triangles'} have corners that are NaN or infinite"
+    if not marks and _is_edge_on(scene, camera):
         return "its mesh is flat and seen edge-on; look at its face, by another --camera-direction or --camera-position"
     nearest, farthest = camera.view_distances(scene)
     if farthest <= 0 and not camera.orthographic:
@@ -84,12 +88,17 @@ def _why_nothing_is_covered(scene: Scene, camera: Camera, discarded: int) -> str
         near, far = camera.clipping_range
         if farthest < near or nearest > far:
             return f"all surfaces lie {nearest:.6g} to {farthest:.6g} away, outside --clipping-range {near:g},{far:g}"
-    if scene.single_sided is not None and _is_seen_from_behind(scene, camera):
+    if not marks and scene.single_sided is not None and _is_seen_from_behind(scene, camera):
         return (
             "all faces are seen from behind, and the file says they have one side; --backface-type visible shows them"
         )
-    if scene.kinds.routed.any():
+    if not marks and scene.kinds.routed.any():
         return "its textures are holes wherever they are seen: their alpha is 0, or below the cut-off of the material"
+    if marks:
+        return (
+            "no triangle, line or point covers a sample: all of them lie beside the view, or are thinner than a pixel; "
+            "give another --camera-direction, --line-width or --point-size"
+        )
     return (
         "no triangle covers a sample: all surfaces lie beside the view, or are thinner than a pixel; give another "
         "--camera-direction, --camera-position or --resolution"

@@ -28,6 +28,12 @@ class Keywords(TypedDict, total=False):
     """Faces seen from behind: drawn unless the file says one side only (default), visible, or hidden."""
     anisotropy: Literal[1, 2, 4, 8, 16]
     """The most samples of a texture where it is seen at a slant: 1, 2, 4, 8 or 16."""
+    line_width: float | str
+    """Width of lines in pixels, or in scene units, such as 0.01u."""
+    point_size: float | str
+    """Width of points in pixels, or in scene units, such as 0.01u."""
+    point_type: Literal["sphere", "disc", "square"]
+    """Points are discs that lights show as balls, discs, or squares."""
     depth_format: Literal["float32-reversed", "float32", "unorm24", "rgba8"]
     """What is kept of depths (default: float32-reversed)."""
     precision: Literal["float32", "half", "unorm8"]

@@ -8,7 +8,7 @@ from typing import Literal, cast
 
 from clpeel import checks
 from clpeel.checks import MAX_SIDE, Background, GivenBackground, Rgb, checked_background, checked_size
-from clpeel.device.layout import DepthFormat
+from clpeel.device.layout import MOST_WIDTH, DepthFormat, PointType
 from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.errors import InputError
 from clpeel.options import MEMORY, Kind, Options, not_negative, option
@@ -44,6 +44,10 @@ def checked_layers(name: str, value: object) -> bool:
     if type(value).__name__ not in ("bool", "bool_"):  # NumPy's bool has either name
         raise InputError(f"{name}: expected True or False, got {value!r}; layers in each pass are layers_per_pass")
     return bool(value)
+
+
+def _checked_length(name: str, value: object) -> object:
+    return checks.length(name, value, MOST_WIDTH)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,15 +98,28 @@ class PictureOptions(Options):
     anisotropy: Literal[1, 2, 4, 8, 16] = option(
         1, help="the most samples of a texture where it is seen at a slant: 1, 2, 4, 8 or 16"
     )
+    line_width: float | str = option(
+        1.0, Kind(_checked_length, metavar="W"), help="width of lines in pixels, or in scene units, such as 0.01u"
+    )
+    point_size: float | str = option(
+        3.0, Kind(_checked_length, metavar="W"), help="width of points in pixels, or in scene units, such as 0.01u"
+    )
+    point_type: PointType = option("sphere", help="points are discs that lights show as balls, discs, or squares")
     depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
 
     def check_together(self) -> None:
-        """Raises InputError if samples make the picture too large, or if layers are requested with several samples."""
-        most = MAX_SIDE // max(self.pattern.columns, self.pattern.rows)
+        """Raises InputError if samples make the picture or its lines too large, or for layers with several samples."""
+        side = max(self.pattern.columns, self.pattern.rows)
+        most = MAX_SIDE // side
         if max(self.size) > most:
             raise InputError(
                 f"samples: expected at most {most} pixels a side with {self.samples} samples, got {max(self.size)}"
             )
+        for name in ("line_width", "point_size"):
+            width = getattr(self, name)
+            if not isinstance(width, str) and width * side > MOST_WIDTH:
+                pixels = f"{MOST_WIDTH // side:,} pixels with {self.samples} samples"
+                raise InputError(f"{name}: expected at most {pixels}, got {width:g}")
         if self.layers and self.samples != 1:
             raise InputError(f"layers: expected samples=1, got {self.samples!r}")
 

@@ -30,12 +30,13 @@ from clpeel.rendering.result import Clock, Result, Stats, stats_of
 from clpeel.scene.arrays import checked_opacity
 from clpeel.scene.camera import Camera
 from clpeel.scene.normals import with_normals
-from clpeel.scene.scene import Scene, recolored
+from clpeel.scene.scene import Scene, faces_alone, recolored
 from clpeel.stages.binning import Batch, Tiles, bin_triangles
 from clpeel.stages.composite import Finished, Picture
 from clpeel.stages.find_layers import STAGE as LAYERS_STAGE
 from clpeel.stages.find_layers import Peeled, find_layers
 from clpeel.stages.frame import Frame
+from clpeel.stages.outlines import SQUARE, Shape, shape_of
 from clpeel.stages.projection import Triangles, project
 from clpeel.stages.shading import readable
 from clpeel.stages.tiles import AtTile, Drawn
@@ -67,6 +68,10 @@ def _in_turn(method: _Method) -> _Method:
     return cast(_Method, taken_in_turn)
 
 
+_Kind = tuple[str, Shape | None]
+"""What a scene is uploaded for: see _needs; and the outline of points, or None without lines and points."""
+
+
 class Renderer:
     """Keeps a scene on a device and renders it from any camera. Nothing is uploaded, built or allocated twice."""
 
@@ -79,10 +84,11 @@ class Renderer:
             raise InputError(f"scene: expected a clpeel.Scene, got {type(scene).__name__}; see clpeel.load")
         self.scene = scene
         self.gpu: Workspace = open_device(device, lanes)
-        self._uploaded: dict[str, DeviceScene] = {}
+        self._lit: Scene | None = None  # with normals
         self._unread: list[str] = []  # notes of maps that cannot be decoded
+        self._uploaded: dict[_Kind, DeviceScene] = {}
         self._opacity: float | None = None
-        self._faded: dict[str, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
+        self._faded: dict[_Kind, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
         self._pictures: list[Picture] = []
         self._at_work: int | None = None  # the thread that is making a picture
         self._turn = Lock()
@@ -94,7 +100,7 @@ class Renderer:
         other = copy.copy(self)
         other.scene, other.gpu = scene, self.gpu.beside()
         other._uploaded, other._pictures, other._at_work, other._turn = {}, [], None, Lock()
-        other._opacity, other._faded = None, {}
+        other._lit, other._opacity, other._faded = None, None, {}
         other._tests = False
         return other
 
@@ -177,8 +183,7 @@ class Renderer:
         finished = finish(request, picture, triangles, choice)
         stats = stats_of(request, triangles, drawn, finished, clamped_pixels, picture, clock)
         stats = explained(stats, request, triangles, finished, choice)
-        stats.notes.extend(tested)
-        stats.notes.extend(self._unread if request.lit is not None else [])
+        stats.notes.extend((*tested, *self._notes(request)))
         layers = self._layers(scene, request, budget, stats) if request.picture.layers else None
         request.report(1.0, "done")
         rounding = blending_bound(stats.layers_max + 1, request.blending.precision)  # + 1 for an opaque layer
@@ -187,23 +192,52 @@ class Renderer:
     def _on_device(self, request: Request) -> DeviceScene:
         """The scene on the device, with normals if it is lit. The first request for it uploads it."""
         request.report(0.0, "uploading")
-        normals, lights = request.lighting != "none", request.lit is not None
-        needs = "lights" if lights else request.lighting
-        if needs not in self._uploaded:
-            others = list(self._uploaded.values())
-            known = next((other.scene for other in others if other.normals is not None), None)
-            scene = self.scene if not normals else known or with_normals(self.scene)
-            if lights:
-                scene, self._unread = readable(scene)
-            like = next((other for other in others if other.packed is not None and other.packed.lights == lights), None)
-            self._uploaded[needs] = upload(self.gpu, scene, normals, like, lights)
-        held = self._uploaded[needs]
+        kind = _needs(request), self._shape(request)
+        if kind not in self._uploaded:
+            lights = request.lit is not None
+            others = [held for held in self._uploaded.values() if held.packed is not None]
+            like = next((held for held in others if held.packed is not None and held.packed.lights == lights), None)
+            # Of outlines, which are most of a large cloud of points, those of one shape are kept.
+            self._uploaded = {each: held for each, held in self._uploaded.items() if each[1] in (None, kind[1])}
+            self._faded = {each: held for each, held in self._faded.items() if each in self._uploaded}
+            scene = self._for(request)
+            lit = request.lighting != "none"
+            self._uploaded[kind] = upload(self.gpu, scene, lit, like, lights, kind[1] or SQUARE)
+        held = self._uploaded[kind]
         if self._opacity is None:
             return held
-        if needs not in self._faded:
+        if kind not in self._faded:
             scene = recolored(held.scene, None, self._opacity)
-            self._faded[needs] = with_colors(self.gpu, held, scene)
-        return self._faded[needs]
+            self._faded[kind] = with_colors(self.gpu, held, scene)
+        return self._faded[kind]
+
+    def _shape(self, request: Request) -> Shape | None:
+        """The outline of the scene's points in this picture; None if no lines and points are drawn."""
+        if not len(self.scene.mark_vertices) or request.technique.measures_solids:
+            return None
+        lit = request.lighting != "none"
+        return shape_of(self.scene, request.marks, request.camera, request.sampled[1], lit)
+
+    def _for(self, request: Request) -> Scene:
+        """What the technique draws of the scene, with normals if it is lit, and with the maps that can be decoded."""
+        scene = self.scene
+        if request.lighting != "none":
+            self._lit = scene = self._lit or with_normals(self.scene)
+        if request.lit is not None:
+            scene, self._unread = readable(scene)
+        return faces_alone(scene) if request.technique.measures_solids else scene
+
+    def _notes(self, request: Request) -> Iterator[str]:
+        """What the picture lacks of maps, and of lines and points, one line each."""
+        yield from self._unread if request.lit is not None else ()
+        _, lines, points = self.scene.counts
+        shape = self._shape(request)
+        if request.technique.measures_solids and lines + points:
+            counted = " and ".join(f"{n:,} {word}" for n, word in ((lines, "line(s)"), (points, "point(s)")) if n)
+            yield f"{counted} left out: they have no inside, which {request.technique.name} measures"
+        if shape is not None and shape.simplified:
+            wanted = request.marks.point_type
+            yield f"{points:,} points are drawn as squares: they are too many for --point-type {wanted}"
 
     def _projected(self, scene: DeviceScene, request: Request) -> Triangles:
         request.report(0.0, "projecting")
@@ -217,6 +251,7 @@ class Renderer:
             request.picture.depth_format,
             backfaces=request.backfaces,
             probes=request.picture.anisotropy,
+            marks=request.marks,
             lit=request.lit,
             pattern=request.picture.pattern,
         )
@@ -247,6 +282,7 @@ class Renderer:
             depth_format=request.picture.depth_format,
             backfaces=request.backfaces,
             probes=request.picture.anisotropy,
+            marks=request.marks,
         )
         layers = find_layers(self.gpu, scene, peeled, budget, request.report)
         seconds = stats.seconds
@@ -271,6 +307,11 @@ def render(
     """Renders one picture. The options and the errors are those of `Renderer` and `Renderer.render`."""
     renderer = Renderer(scene, device, lanes)
     return renderer.render(camera, size, technique, background, lighting, progress=progress, **options)
+
+
+def _needs(request: Request) -> str:
+    """What a picture needs of an uploaded scene besides colours: "none", "headlight" (normals) or "lights"."""
+    return "lights" if request.lit is not None else request.lighting
 
 
 def draw(frame: Frame, batch: Batch, request: Request) -> Drawn:

@@ -14,6 +14,7 @@ from clpeel.rendering.options import Lighting, PictureOptions, Size, checked_lay
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, Lamp
 from clpeel.scene.scene import Scene
+from clpeel.stages.outlines import Length, Marks
 from clpeel.stages.projection import Lit
 from clpeel.techniques import AUTO, TECHNIQUES, AnyTechnique, AutoOptions, option_names, options_class
 from clpeel.techniques import technique as technique_named
@@ -139,6 +140,11 @@ class Request:
         return "visible" if chosen == "default" and self.technique.all_surfaces else chosen
 
     @property
+    def marks(self) -> Marks:
+        """How lines and points are drawn."""
+        return marks_of(self.picture)
+
+    @property
     def keep_coincident(self) -> bool:
         """Whether all fragments of equal depth are kept."""
         return getattr(self.options, "coincident", "keep") == "keep"
@@ -147,6 +153,17 @@ class Request:
         """Calls `progress` with the share of the work that is done, 0..1, if there is a `progress`."""
         if self.progress is not None:
             self.progress(done, text)
+
+
+def marks_of(picture: PictureOptions) -> Marks:
+    """How lines and points of a picture are drawn, by its options."""
+
+    def length(value: float | str) -> Length:
+        if isinstance(value, str):
+            return Length(float(value.removesuffix("u")), in_scene=True)
+        return Length(value * picture.pattern.rows)
+
+    return Marks(length(picture.line_width), length(picture.point_size), picture.point_type)
 
 
 def checked_options(technique: str, given: Mapping[str, object]) -> tuple[PictureOptions, Options]:

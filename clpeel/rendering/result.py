@@ -53,10 +53,14 @@ class Stats(Mapping[str, Any]):
     """Samples of a pixel."""
     triangles: int
     """Triangles of the scene."""
+    lines: int
+    """Line segments of the scene."""
+    points: int
+    """Points of the scene."""
     clipped: int
     """Triangles that a clipping plane cuts."""
     discarded: int
-    """Triangles with corners that are NaN or infinite."""
+    """Triangles, lines and points with corners that are NaN or infinite."""
     fragments: int
     """Fragments of transparent surfaces in front of opaque ones."""
     layers_max: int
@@ -109,7 +113,8 @@ class Stats(Mapping[str, Any]):
 def left_out(stats: Mapping[str, Any], bounded: bool) -> Iterator[str]:
     """What the picture could not show, one line each. bounded: whether layers were skipped on purpose (`max_error`)."""
     if stats.get("discarded"):
-        yield f"{stats['discarded']:,} triangles with NaN or infinite vertices were left out"
+        kinds = "triangles, lines and points" if stats.get("lines") or stats.get("points") else "triangles"
+        yield f"{stats['discarded']:,} {kinds} with NaN or infinite vertices were left out"
     if stats.get("unpaired_pixels"):
         yield (
             f"{stats['unpaired_pixels']:,} pixels have crossings that do not pair up: "
@@ -270,6 +275,7 @@ def stats_of(
     if picture.values is not None:
         buffers["values"] = picture.values.nbytes
     width, height = request.picture.size
+    faces, lines, points = triangles.scene.scene.counts
     own = dict(finished.stats)
     if any(repeat for part in drawn for _, repeat in part.pass_keys):
         own["inner_passes"] = inner_passes(drawn)
@@ -283,7 +289,9 @@ def stats_of(
         samples_passed=samples_passed,
         size=[width, height],
         samples=request.picture.samples,
-        triangles=triangles.faces,
+        triangles=faces,
+        lines=lines,
+        points=points,
         clipped=triangles.clipped,
         discarded=triangles.discarded,
         fragments=sum(part.fragments for part in drawn),

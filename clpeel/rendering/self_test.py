@@ -70,7 +70,10 @@ MOST_PASSES = len(FACES) + 1
 NO_MATTER = ("scale_bar", "thickness_range", "sigma", "light_color")
 """Options of techniques that kernels do not see, or only as a number."""
 
-NOT_IN_TESTS = ("size", "background", "memory", "keep_color", "backface_type", "light_intensity", "lighting")
+MARKS = ("line_width", "point_size", "point_type")
+"""Options of all pictures that say how lines and points are drawn. The known layers have none."""
+
+NOT_IN_TESTS = ("size", "background", "memory", "keep_color", "backface_type", "light_intensity", "lighting", *MARKS)
 """Options of all pictures that the test's picture has values of its own for."""
 
 IN_FEATURES = ("lighting", "highlights", "opaque", "depth_format", "layers", "anisotropy")

@@ -29,11 +29,16 @@ def checked_vertices(value: ArrayLike) -> NDArray[np.float64]:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def checked_faces(value: ArrayLike, count: int) -> NDArray[np.int32]:
-    """Return value as int32 [m, 3], or raise InputError. Every index must be in 0..count-1, and m at least 1."""
+def checked_faces(value: ArrayLike, count: int, least_faces: int = 1) -> NDArray[np.int32]:
+    """Return value as int32 [m, 3], or raise InputError. Every index must be in 0..count-1.
+
+    least_faces: 1, or 0 if there may be none.
+    """
     array = _array("faces", value)
     if array.size == 0:
-        raise InputError("faces: expected at least one triangle, got none; the mesh is empty")
+        if least_faces == 0:
+            return np.zeros((0, 3), np.int32)
+        raise InputError("faces: expected at least one triangle, got none, nor a line or a point; the mesh is empty")
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
         raise InputError(f"faces: expected [m, 3] integers, got {_described(array)}")
     least, greatest = int(array.min()), int(array.max())
@@ -41,6 +46,24 @@ def checked_faces(value: ArrayLike, count: int) -> NDArray[np.int32]:
         wrong = least if least < 0 else greatest
         face = int(np.argmax((array == wrong).any(axis=1)))
         raise InputError(f"faces: expected indices 0..{count - 1}, got {wrong} in face {face}; the mesh is damaged")
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def checked_indices(name: str, value: ArrayLike, count: int, width: int | None = None) -> NDArray[np.int32] | None:
+    """Return the vertices of lines (width 2) or points (None) as int32 [k, width] or [k], or None if there are none.
+
+    Every index must be in 0..count-1. Raises InputError, which calls them by `name`.
+    """
+    array = _array(name, value)
+    if array.size == 0:
+        return None
+    if array.shape[1:] != (() if width is None else (width,)) or array.ndim == 0 or array.dtype.kind not in "iu":
+        shape = "[p]" if width is None else f"[k, {width}]"
+        raise InputError(f"{name}: expected {shape} integers, got {_described(array)}")
+    least, greatest = int(array.min()), int(array.max())
+    if least < 0 or greatest >= count:
+        wrong = least if least < 0 else greatest
+        raise InputError(f"{name}: expected indices 0..{count - 1}, got {wrong}; the mesh is damaged")
     return np.ascontiguousarray(array, dtype=np.int32)
 
 

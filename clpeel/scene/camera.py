@@ -319,8 +319,7 @@ def flat_normal(scene: Scene) -> NDArray[np.float64] | None:
         found, _ = extents(scene.vertices[some.reshape(-1)])
         if found[0] > 10 * FLAT:  # with a margin of 10, as the plane of the sample is not exactly the plane of all
             return None
-    used = np.zeros(len(scene.vertices), dtype=bool)
-    used[scene.faces.reshape(-1)] = True
+    used = scene.used
     found, axes = extents(scene.vertices if used.all() else scene.vertices[used])
     if found[0] > FLAT * found.max() or found[1] <= FLAT * found.max():
         return None

@@ -190,11 +190,6 @@ class Surfaces:
     routed: NDArray[np.bool_]
     hiding: NDArray[np.bool_]
 
-    @property
-    def name(self) -> str:
-        """ "opaque" if all faces are, "transparent" if nothing is opaque, else "mixed"."""
-        return "opaque" if self.opaque.all() else "mixed" if (self.opaque | self.hiding).any() else "transparent"
-
 
 def checked_materials(
     materials: Sequence[Material], of_faces: ArrayLike | None, count: int

@@ -31,7 +31,8 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
     Where the scene's own normal lies on the back of a face, that corner gets it turned.
 
     At a crease where more than 256 corners meet, faces are grouped by direction, with the same limit on the angle.
-    Faces keep their count and order. A vertex gets +Z if none of its faces has an area.
+    Faces keep their count and order. A vertex gets +Z if none of its faces has an area. It gets zeros, which are lit
+    as if there were no light, if only lines and points use it and it has no normal of its own.
 
     Raises InputError unless crease_angle is in 0..180.
     """
@@ -39,6 +40,28 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
         raise InputError(f"crease_angle: expected 0..180 degrees, got {crease_angle}")
     crease = math.radians(min(crease_angle, 90.0))
     normals, known = _given(scene)
+    return _without_light(_with_computed(scene, normals, known, crease), known)
+
+
+def _without_light(scene: Scene, known: NDArray[np.bool_]) -> Scene:
+    """Return the scene with zero normals at vertices that lines and points use, and no face, if they are not known.
+
+    known: of the first vertices, bool [n]. Those that follow belong to faces.
+    """
+    if not len(scene.mark_vertices):
+        return scene
+    alone = np.zeros(len(known), bool)
+    alone[scene.mark_vertices] = True
+    alone &= ~known
+    faces = scene.faces.reshape(-1)
+    alone[faces[faces < len(known)]] = False
+    assert scene.vertex_normals is not None
+    scene.vertex_normals[: len(known)][alone] = 0
+    return scene
+
+
+def _with_computed(scene: Scene, normals: NDArray[np.float32], known: NDArray[np.bool_], crease: float) -> Scene:
+    """Return the scene with normals [n, 3] where they are known, and computed ones elsewhere. crease: radians."""
     points = _scaled(scene)
     areas = _area_normals(points, scene.faces)
     of_file = known[scene.faces]
@@ -46,7 +69,7 @@ def with_normals(scene: Scene, crease_angle: float = 30.0) -> Scene:
         return _turned(replace(scene, vertex_normals=_filled(normals)), areas, of_file)
     units = _unit(areas)
     usable = np.asarray(units.any(axis=0))
-    first, place = _distinct(points)
+    first, place = distinct(points)
     place_of_corner = place[scene.faces]
     axes, side, creased = _smooth(units, areas, place_of_corner, len(first), crease)
 
@@ -132,8 +155,8 @@ def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def _distinct(columns: Floats) -> tuple[Indices, Indices]:
-    """Find the columns of [d, k] that are equal bit by bit.
+def distinct(columns: Floats) -> tuple[Indices, Indices]:
+    """Find the columns of [d, k] float64 that are equal bit by bit.
 
     Returns the first of each kind, and each column's kind [k].
     """
@@ -241,7 +264,7 @@ def _split(
     texture coordinates are repeated with it.
     """
     asking = scene.faces[own].astype(np.int64)
-    first, variant = _distinct(np.ascontiguousarray(np.column_stack([asking, corner_normals]).T, dtype=np.float64))
+    first, variant = distinct(np.ascontiguousarray(np.column_stack([asking, corner_normals]).T, dtype=np.float64))
     source = asking[first]  # the vertex of each variant
     free = np.ones(len(scene.vertices), bool)
     free[scene.faces[~own]] = False

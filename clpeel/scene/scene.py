@@ -1,4 +1,4 @@
-"""A scene: the triangles, colours and normals to render, checked on input."""
+"""A scene: the triangles, lines and points to render, with colours and normals, checked on input."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from clpeel.scene.arrays import (
     checked_colors,
     checked_faces,
     checked_flags,
+    checked_indices,
     checked_normals,
     checked_opacity,
     checked_uv,
@@ -64,7 +65,7 @@ class OpticalDepths:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Triangles with colours. Use `Scene.from_arrays` or `clpeel.load` to make one: they check their input.
+    """Triangles, lines and points with colours. `Scene.from_arrays` and `clpeel.load` make one, and check their input.
 
     vertices: float64 [n, 3], scene units. NaN and infinite ones are allowed; their triangles are discarded when drawn.
     faces: int32 [m, 3], indices into vertices. Their order is the submission order.
@@ -77,6 +78,9 @@ class Scene:
     single_sided: bool [m], faces that are seen from their front alone, from where their corners run counterclockwise.
     None if there are none.
     lights: the scene's own (lights.py), for render(lighting="scene").
+    lines: int32 [k, 2], indices into vertices, a line segment each. points: int32 [p], indices into vertices. Either is
+    None if there are none. They are drawn behind the faces in submission order, lines first. They have no material, and
+    the scene's colours as they are: vertex_colors, or color. There are no face_colors if there are lines or points.
     notes: what the loader could not keep, one line each.
     """
 
@@ -92,12 +96,14 @@ class Scene:
     more_uv: tuple[NDArray[np.float32], ...] = ()
     single_sided: NDArray[np.bool_] | None = None
     lights: tuple[Lamp, ...] = ()
+    lines: NDArray[np.int32] | None = None
+    points: NDArray[np.int32] | None = None
     notes: tuple[str, ...] = ()
 
     @staticmethod
     def from_arrays(
         vertices: ArrayLike,
-        faces: ArrayLike,
+        faces: ArrayLike = (),
         face_colors: ArrayLike | None = None,
         vertex_colors: ArrayLike | None = None,
         color: ArrayLike | None = None,
@@ -110,10 +116,14 @@ class Scene:
         more_uv: Sequence[ArrayLike] = (),
         single_sided: ArrayLike | None = None,
         lights: Sequence[Lamp] = (),
+        lines: ArrayLike | None = None,
+        points: ArrayLike | None = None,
     ) -> Scene:
         """Return a scene made from arrays, all of which are checked.
 
-        vertices: [n, 3] numbers. faces: [m, 3] integers 0..n-1, m >= 1. At most one of face_colors [m, 3|4],
+        vertices: [n, 3] numbers. faces: [m, 3] integers 0..n-1. lines: [k, 2] integers 0..n-1, a segment each; segments
+        that share an end are joined there. points: [p] integers 0..n-1. There must be at least one of all these. At
+        most one of face_colors [m, 3|4],
         vertex_colors [n, 3|4] and color [3|4] may be given. Integer colours are 0..255, float colours 0..1, and colours
         without alpha are opaque. color may also be text, such as "steelblue" or "#rrggbbaa". Without any colour, it is
         DEFAULT_COLOR.
@@ -123,59 +133,90 @@ class Scene:
         uv: [n, 2] texture coordinates, where (0, 0) is the upper left corner of an image. They are needed if a material
         has a texture. more_uv: further ones, [n, 2] each, for textures of lights that name them (materials.Finish).
         single_sided: [m] booleans, or one: faces that are seen from their front alone.
+        Lines and points have the colours of their vertices, or `color`. With face_colors they have DEFAULT_COLOR.
 
         Raises InputError, which names the argument, what was expected and what was given.
         """
-        points = checked_vertices(vertices)
-        triangles = checked_faces(faces, len(points))
+        places = checked_vertices(vertices)
+        segments = None if lines is None else checked_indices("lines", lines, len(places), 2)
+        dots = None if points is None else checked_indices("points", points, len(places))
+        triangles = checked_faces(faces, len(places), int(segments is None and dots is None))
         given = {"face_colors": face_colors, "vertex_colors": vertex_colors, "color": color}
         names = [name for name, value in given.items() if value is not None]
         if len(names) > 1:
             raise InputError(f"colours: expected at most one of {', '.join(given)}, got {' and '.join(names)}")
         of_faces = checked_materials(materials, face_materials, len(triangles))
+        default = np.array([DEFAULT_COLOR], np.uint8)
         if not names and of_faces is None:
-            color = np.array(DEFAULT_COLOR, np.uint8)
+            color = default[0]
         elif not names and of_faces is not None:
             own = np.full((len(triangles), 4), 255, np.uint8)
             plain = np.array([*(material.plain for material in materials), True])
-            own[plain[of_faces]] = DEFAULT_COLOR
-            color, face_colors = (own[0], None) if (own == own[0]).all() else (None, own)
+            own[plain[of_faces]] = default
+            shown = own if segments is None and dots is None else np.append(own, default, axis=0)
+            color, face_colors = (shown[0], None) if (shown == shown[0]).all() else (None, own)
         sets = max((material.uv_sets for material in materials), default=0)
         if uv is None and (sets or more_uv):
             raise InputError("uv: expected texture coordinates for a material with a texture, got none")
         if sets > 1 + len(more_uv):
             raise InputError(f"more_uv: expected {sets - 1}, as a texture of a light names it, got {len(more_uv)}")
         scene = Scene(
-            points,
+            places,
             triangles,
             face_colors=None if face_colors is None else checked_colors("face_colors", face_colors, (len(triangles),)),
             vertex_colors=None
             if vertex_colors is None
-            else checked_colors("vertex_colors", vertex_colors, (len(points),)),
+            else checked_colors("vertex_colors", vertex_colors, (len(places),)),
             color=None if color is None else checked_colors("color", color, ()),
-            vertex_normals=None if vertex_normals is None else checked_normals(vertex_normals, len(points)),
+            vertex_normals=None if vertex_normals is None else checked_normals(vertex_normals, len(places)),
             materials=tuple(materials),
             face_materials=of_faces,
-            uv=None if uv is None else checked_uv("uv", uv, len(points)),
-            more_uv=tuple(checked_uv("more_uv", each, len(points)) for each in more_uv),
+            uv=None if uv is None else checked_uv("uv", uv, len(places)),
+            more_uv=tuple(checked_uv("more_uv", each, len(places)) for each in more_uv),
             single_sided=None if single_sided is None else checked_flags("single_sided", single_sided, len(triangles)),
             lights=checked_lights(lights),
         )
+        if segments is not None or dots is not None:
+            scene = _with_marks(scene, segments, dots)
         return scene if opacity is None else recolored(scene, None, checked_opacity(opacity))
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
-        """The least and the greatest corner of the finite vertices that faces use: float64 [2, 3].
+        """The least and the greatest corner of the finite vertices that are used: float64 [2, 3].
 
         They are zeros if there is no such vertex.
         """
-        used = np.zeros(len(self.vertices), dtype=bool)
-        used[self.faces.reshape(-1)] = True
-        used &= np.isfinite(self.vertices).all(axis=1)
+        used = self.used & np.isfinite(self.vertices).all(axis=1)
         points = self.vertices if used.all() else self.vertices[used]
         corners = np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else np.zeros((2, 3))
         corners.flags.writeable = False
         return corners
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Which vertices a face, a line or a point uses: bool [n]."""
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.faces.reshape(-1)] = True
+        used[self.mark_vertices] = True
+        return used
+
+    @property
+    def mark_vertices(self) -> NDArray[np.int32]:
+        """The vertices of lines, two for each, and then of points: int32 [2 k + p]."""
+        parts = [part.reshape(-1) for part in (self.lines, self.points) if part is not None]
+        return np.concatenate(parts) if parts else np.zeros(0, np.int32)
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """How many triangles, lines and points there are."""
+        lines, points = (0 if part is None else len(part) for part in (self.lines, self.points))
+        return len(self.faces), lines, points
+
+    @property
+    def described(self) -> str:
+        """How much there is to draw, in words: "12 triangles, 30 lines, 500 points"."""
+        counted = [(n, word) for n, word in zip(self.counts, ("triangle", "line", "point"), strict=True) if n]
+        return ", ".join(f"{n:,} {word}{'s' * (n != 1)}" for n, word in counted)
 
     @property
     def opaque(self) -> bool:
@@ -184,8 +225,22 @@ class Scene:
 
     @property
     def surfaces(self) -> str:
-        """ "opaque" if all faces are opaque (all their alphas are 1), "transparent" if nothing is, else "mixed"."""
-        return self.kinds.name
+        """ "opaque" if all is opaque (all alphas are 1), "transparent" if nothing is, else "mixed"."""
+        faces, marks = self.kinds, self.opaque_marks
+        if faces.opaque.all() and marks.all():
+            return "opaque"
+        return "mixed" if (faces.opaque | faces.hiding).any() or marks.any() else "transparent"
+
+    @cached_property
+    def opaque_marks(self) -> NDArray[np.bool_]:
+        """Which lines, and then which points, are opaque: bool [k + p]."""
+        _, lines, points = self.counts
+        alpha = self.colors[..., 3]
+        solid: NDArray[np.bool_] = np.asarray(alpha == (255 if alpha.dtype == np.uint8 else 1))
+        if self.vertex_colors is None:
+            return np.broadcast_to(solid.reshape(-1)[:1], (lines + points,))
+        ends = solid[self.mark_vertices]
+        return np.concatenate([ends[: 2 * lines].reshape(-1, 2).all(axis=1), ends[2 * lines :]])
 
     @cached_property
     def kinds(self) -> Surfaces:
@@ -236,7 +291,8 @@ class Scene:
         """
         plain = self.plain_faces
         if self.vertex_colors is not None:
-            found = [counted_alphas(alpha[self.faces[plain]])]
+            own = np.concatenate([self.faces[plain].reshape(-1), self.mark_vertices])
+            found = [counted_alphas(alpha[own])]
         else:
             found = [counted_alphas(np.broadcast_to(alpha, plain.shape)[plain])]
         most = float(as_float(alpha).max(initial=0.0))
@@ -298,8 +354,9 @@ class Scene:
 
 
 def joined(scenes: Sequence[Scene]) -> Scene:
-    """Return one scene with the triangles of all scenes, in order. Raises InputError for 2**31 vertices or more.
+    """Return one scene with the triangles, lines and points of all scenes, in order.
 
+    Raises InputError for 2**31 vertices or more.
     The colours take the smallest form that keeps them all: one colour if all scenes have the same, else face colours,
     or vertex colours if any scene has these.
     """
@@ -310,7 +367,7 @@ def joined(scenes: Sequence[Scene]) -> Scene:
     flat = [scene.color for scene in scenes if scene.color is not None]
     if len(flat) == len(scenes) and all(c.dtype == flat[0].dtype and (c == flat[0]).all() for c in flat):
         colors = {"color": flat[0]}
-    elif all(scene.vertex_colors is None for scene in scenes):
+    elif all(scene.vertex_colors is None and not len(scene.mark_vertices) for scene in scenes):
         colors = {"face_colors": _stacked(scenes, [len(scene.faces) for scene in scenes])}
     else:
         scenes = [with_vertex_colors(scene) if scene.face_colors is not None else scene for scene in scenes]
@@ -330,9 +387,12 @@ def joined(scenes: Sequence[Scene]) -> Scene:
     vertices = np.concatenate([scene.vertices for scene in scenes])
     faces = np.concatenate([scene.faces + np.int32(start) for scene, start in zip(scenes, starts, strict=False)])
     materials, face_materials = _joined_materials(scenes)
+    lines, points = (_joined_marks([getattr(s, name) for s in scenes], starts) for name in ("lines", "points"))
     return Scene(
         vertices,
         faces,
+        lines=lines,
+        points=points,
         vertex_normals=normals,
         materials=materials,
         face_materials=face_materials,
@@ -343,6 +403,12 @@ def joined(scenes: Sequence[Scene]) -> Scene:
         notes=notes,
         **colors,
     )
+
+
+def _joined_marks(marks: Sequence[NDArray[np.int32] | None], starts: AnyArray) -> NDArray[np.int32] | None:
+    """Return the lines or the points of all scenes. starts: the number of each scene's first vertex."""
+    parts = [part + np.int32(start) for part, start in zip(marks, starts, strict=False) if part is not None]
+    return np.concatenate(parts) if parts else None
 
 
 def _joined_materials(scenes: Sequence[Scene]) -> tuple[tuple[Material, ...], NDArray[np.int32] | None]:
@@ -382,22 +448,45 @@ def _stacked(scenes: Sequence[Scene], counts: Sequence[int]) -> Colors:
 
 
 def with_vertex_colors(scene: Scene) -> Scene:
-    """Return a scene with colours of faces or vertices as one with vertex colours that looks the same.
+    """Return a scene with any colours as one with vertex colours that looks the same.
 
-    Each face gets its own vertices.
+    Each face gets its own vertices, and so do lines and points. These have DEFAULT_COLOR if the colours are of faces.
     """
-    corners = scene.faces.reshape(-1)
-    colors = scene.vertex_colors[corners] if scene.vertex_colors is not None else np.repeat(scene.colors, 3, axis=0)
+    marks = scene.mark_vertices
+    corners = np.concatenate([scene.faces.reshape(-1), marks])
+    if scene.vertex_colors is not None:
+        colors = scene.vertex_colors[corners]
+    elif scene.color is not None:
+        colors = np.tile(scene.color, (len(corners), 1))
+    else:
+        own = np.tile(np.array(DEFAULT_COLOR, np.uint8), (len(marks), 1))
+        colors = np.concatenate(alike([np.repeat(scene.colors, 3, axis=0), own]))
+    first = np.arange(3 * len(scene.faces), len(corners), dtype=np.int32)
+    lines = 0 if scene.lines is None else scene.lines.size
     return replace(
         scene,
         vertices=scene.vertices[corners],
-        faces=np.arange(len(corners), dtype=np.int32).reshape(-1, 3),
+        faces=np.arange(3 * len(scene.faces), dtype=np.int32).reshape(-1, 3),
+        lines=None if scene.lines is None else first[:lines].reshape(-1, 2),
+        points=None if scene.points is None else first[lines:],
         face_colors=None,
+        color=None,
         vertex_colors=colors,
         vertex_normals=None if scene.vertex_normals is None else scene.vertex_normals[corners],
         uv=None if scene.uv is None else scene.uv[corners],
         more_uv=tuple(uv[corners] for uv in scene.more_uv),
     )
+
+
+def _with_marks(scene: Scene, lines: NDArray[np.int32] | None, points: NDArray[np.int32] | None) -> Scene:
+    """Return a scene that has none with these lines and points."""
+    found = replace(scene, lines=lines, points=points)
+    return with_vertex_colors(found) if scene.face_colors is not None else found
+
+
+def faces_alone(scene: Scene) -> Scene:
+    """Return the scene without its lines and points. Its vertices stay."""
+    return replace(scene, lines=None, points=None)
 
 
 def without_faces(scene: Scene, places: NDArray[Any]) -> Scene:
@@ -448,15 +537,16 @@ def _recolored_materials(scene: Scene, color: Colors | None, opacity: float | No
     materials = tuple(recolored_material(material, rgb, alpha) for material in scene.materials)
     found = _with_bounds(replace(scene, materials=materials), scene)
     plain = scene.plain_faces
-    if not plain.any():
+    marks = len(scene.mark_vertices)
+    if not plain.any() and not marks:
         return found
-    if scene.vertex_colors is not None:
+    if scene.vertex_colors is not None or marks:
         found = with_vertex_colors(found)
-        plain = np.repeat(plain, 3)
+        plain = np.append(np.repeat(plain, 3), np.ones(marks, bool))
     own = np.broadcast_to(found.colors, (len(plain), 4))
     old, new = alike([own, np.broadcast_to(_recolored_colors(own, color, opacity), own.shape)])
     colors = np.where(plain[:, None], new, old)
-    if scene.vertex_colors is not None:
+    if found.vertex_colors is not None:
         return replace(found, vertex_colors=colors)
     return replace(found, color=None, face_colors=colors)
 

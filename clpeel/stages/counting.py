@@ -19,6 +19,7 @@ from clpeel.device.records import COUNT_TOTALS
 from clpeel.device.workspace import Workspace
 from clpeel.scene.camera import Camera
 from clpeel.stages.binning import PAIR_BYTES, Batch, bin_triangles
+from clpeel.stages.outlines import PLAIN_MARKS, Marks
 from clpeel.stages.projection import Triangles, project
 from clpeel.stages.tiles import draw_tiles, groups_for, walk_arguments
 from clpeel.stages.upload import DeviceScene
@@ -92,15 +93,16 @@ def count_layers(
     *,
     backfaces: str = "default",
     probes: int = 1,
+    marks: Marks = PLAIN_MARKS,
 ) -> Counted:
     """Counts the layers of a view, batch by batch. The scene and a batch's lists fit `limit` bytes together.
 
     size: (width, height) in pixels. opaque_first: leave fragments behind opaque surfaces out of the counts. limit: None
-    for a share of the device's memory. report: called now and then with the share done, 0..1. backfaces, probes: as for
-    `project`.
+    for a share of the device's memory. report: called now and then with the share done, 0..1. backfaces, probes,
+    marks: as for `project`.
     """
     gpu.events.clear()
-    triangles = project(gpu, scene, camera, size, False, opaque_first, backfaces=backfaces, probes=probes)
+    triangles = project(gpu, scene, camera, size, False, opaque_first, backfaces=backfaces, probes=probes, marks=marks)
     budget = Budget.of(gpu, limit, scene.nbytes + triangles.nbytes)
     tiles = bin_triangles(gpu, triangles, budget.lists)
     kernel = counting_kernel(gpu, triangles.features)

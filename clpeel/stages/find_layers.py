@@ -33,6 +33,7 @@ from clpeel.pictures.lengths import Lengths, narrowed
 from clpeel.scene.camera import Camera
 from clpeel.scene.scene import Scene
 from clpeel.stages.binning import TILE_BYTES, Batch, bin_triangles
+from clpeel.stages.outlines import Marks
 from clpeel.stages.projection import Lit, Triangles, project
 from clpeel.stages.upload import DeviceScene
 from clpeel.stages.windows import Fragments, rasterize
@@ -59,7 +60,7 @@ class Peeled:
     size: (width, height) in pixels. headlight: whether there is one. lit: other lights. front, back: how many
     transparent layers of a pixel are peeled from the front, and from the back. keep_coincident: peel all fragments of
     equal depth, instead of only the first submitted. opaque_first: whether a pixel's layers end with the first opaque
-    one. depth_format: one of DEPTH_FORMATS (layout.py). backfaces, probes: as for `project`.
+    one. depth_format: one of DEPTH_FORMATS (layout.py). backfaces, probes, marks: as for `project`.
     """
 
     camera: Camera
@@ -73,6 +74,7 @@ class Peeled:
     depth_format: DepthFormat
     backfaces: str
     probes: int
+    marks: Marks
 
 
 @dataclass
@@ -111,6 +113,7 @@ def find_layers(
             backfaces=peeled.backfaces,
             probes=peeled.probes,
             lit=peeled.lit,
+            marks=peeled.marks,
         )
         features = triangles.features
         tiles = bin_triangles(gpu, triangles, budget.lists)
@@ -179,8 +182,16 @@ def _peel(gpu: Workspace, triangles: Triangles, batch: Batch, window: Fragments,
         count=count,
         color=colors[color_at],
         depth=_distances((fragments >> np.uint64(32)).astype(np.uint32), triangles),
-        triangle=triangle.astype(np.int32),
+        triangle=_numbered(triangle.astype(np.int32), triangles.scene),
     )
+
+
+def _numbered(triangle: NDArray[np.int32], scene: DeviceScene) -> NDArray[np.int32]:
+    """The numbers of triangles, where those of lines and points become the numbers that these have behind the faces."""
+    faces = np.int32(len(scene.scene.faces))
+    if scene.outlines is None:
+        return triangle
+    return np.where(triangle < faces, triangle, faces + scene.outlines.marks_of(triangle - faces))
 
 
 def straight_colors(scene: Scene) -> NDArray[np.float32]:

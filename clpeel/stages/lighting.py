@@ -44,7 +44,7 @@ def packed_lights(
     half = math.tan(math.radians(camera.view_angle) / 2)
     across = half * camera.distance * grid.scale if camera.orthographic else half
     down = across * 2 / (height * SUBPIXELS)
-    found["ray"] = down * pattern.rows / pattern.columns, down
+    found["ray"] = down / pattern.across, down
     near, far = clipping[0] * grid.scale, clipping[1] * grid.scale
     found["near"], found["far"], found["span"], found["perspective"] = near, far, far - near, not camera.orthographic
     around = [light for light in lights if isinstance(light, AmbientLight)]

@@ -23,9 +23,11 @@ from clpeel.device.program import Arguments, Kernel, cut, launch, program
 from clpeel.device.records import TRIANGLE, VERTEX
 from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.device.workspace import Workspace
+from clpeel.errors import InputError
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import Lamp
 from clpeel.stages.lighting import packed_lights, positioned
+from clpeel.stages.outlines import PLAIN_MARKS, Length, Marks
 from clpeel.stages.upload import DeviceScene
 
 STAGE = "projection"
@@ -54,10 +56,10 @@ class Triangles:
     Behind these records lie CLIP_TRIANGLES more for each clipped face. Records of opaque faces come first, if the scene
     has both kinds. Each kind is in submission order.
 
-    faces, listed, clipped, discarded: how many faces the scene has, how many have a record, how many are clipped, and
-    how many are not finite. records: TRIANGLE [count]. bounds: uint16 [count, 4], first and last pixel column, first
-    and last row; where first > last there is nothing to draw. weights: float32 [count, 3, 3] where colours vary over a
-    face, else None.
+    faces, listed, clipped, discarded: how many faces the scene has, with those of lines and points; how many have a
+    record; how many are clipped; and how many faces, lines and points are not finite. records: TRIANGLE [count].
+    bounds: uint16 [count, 4], first and last pixel column, first and last row; where first > last there is nothing to
+    draw. weights: float32 [count, 3, 3] where colours vary over a face, else None.
     """
 
     scene: DeviceScene
@@ -102,7 +104,7 @@ class Triangles:
         """Bytes of the vertices, lists and records on the device."""
         record = TRIANGLE.itemsize + BOUNDS_BYTES + (WEIGHTS_BYTES if self.weights is not None else 0)
         lists = STATE_BYTES * self.faces + LISTED_BYTES * (self.listed + self.clipped)
-        return VERTEX.itemsize * len(self.scene.scene.vertices) + lists + record * self.count
+        return VERTEX.itemsize * self.scene.vertex_count + lists + record * self.count
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,8 @@ class View:
     """A camera as kernel arguments.
 
     points: arguments of kernels that project points. grid: arguments of kernels that use the picture's size and where
-    samples lie. clipping, window: as in Triangles.
+    samples lie. clipping, window: as in Triangles. height: of the picture, in samples. across: samples in a pixel's
+    width for each in its height.
     """
 
     points: Arguments
@@ -130,6 +133,8 @@ class View:
     perspective: bool
     clipping: tuple[float, float]
     window: tuple[float, float]
+    height: int
+    across: float
 
 
 def view_of(
@@ -155,7 +160,8 @@ def view_of(
         "depth_far": depth_far,
     }
     grid: Arguments = {"width": size[0], "height": size[1], "pattern": pattern.word}
-    return View(points, grid, not camera.orthographic, clipping, camera.fitted_range(host))
+    window = camera.fitted_range(host)
+    return View(points, grid, not camera.orthographic, clipping, window, size[1], pattern.across)
 
 
 def project(
@@ -169,6 +175,7 @@ def project(
     *,
     backfaces: str = "default",
     probes: int = 1,
+    marks: Marks = PLAIN_MARKS,
     lit: Lit | None = None,
     pattern: Pattern = PATTERNS[1],
 ) -> Triangles:
@@ -177,8 +184,8 @@ def project(
     headlight: whether a light at the camera shades the colours. opaque_first: list opaque faces before the others;
     without it all faces count as transparent. depth_format: one of DEPTH_FORMATS, how fragments keep their depths.
     backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", which draws all that are
-    not single-sided. probes: the most samples of a texture along a pixel's longer side. lit: by what lights, if the
-    scene was uploaded for lights. pattern: where a pixel's samples lie.
+    not single-sided. probes: the most samples of a texture along a pixel's longer side. marks: how lines and points are
+    drawn. lit: by what lights, if the scene was uploaded for lights. pattern: where a pixel's samples lie.
     """
     surfaces = scene.surfaces if opaque_first else "transparent"
     features = Features(
@@ -201,13 +208,14 @@ def project(
     )
     view = view_of(gpu, scene, camera, size, depth_format, pattern)
     vertices = _project_vertices(gpu, scene, view, features)
-    corners: Arguments = {"faces": scene.faces, "vertex_count": len(scene.scene.vertices), "vertices": vertices}
+    places = _expand(gpu, scene, view, camera, marks, vertices)
+    corners: Arguments = {"faces": scene.faces, "vertex_count": scene.vertex_count, "vertices": vertices}
     sides: Arguments = {
-        "single_sided": scene.single_sided if backfaces == "default" else None,
-        "all_single_sided": backfaces == "hidden",
+        "single_sided": {"default": scene.single_sided, "hidden": scene.of_faces}.get(backfaces),
+        "all_single_sided": backfaces == "hidden" and scene.outlines is None,
     }
     lists = _list_triangles(gpu, scene, view, features, {**corners, **sides})
-    outputs = _set_up(gpu, scene, view, features, corners, lists, sides)
+    outputs = _set_up(gpu, scene, view, features, corners, lists, sides, _places_of_lines(scene, places))
     direction = camera.axes()[2]
     lighting = None
     if lit is not None:
@@ -222,10 +230,10 @@ def project(
         clipping=view.clipping,
         window=view.window,
         depth_scale=1.0 if camera.orthographic else 1 / (1 - view.clipping[0] / view.clipping[1]),
-        faces=len(scene.scene.faces),
+        faces=scene.face_count,
         listed=lists.listed_count,
         clipped=lists.clipped_count,
-        discarded=lists.discarded,
+        discarded=lists.discarded + (0 if scene.outlines is None else scene.outlines.not_finite),
         records=outputs["triangles"],
         bounds=outputs["bounds"],
         weights=outputs["weights"],
@@ -243,7 +251,7 @@ def setup_kernels(gpu: Workspace, scene: DeviceScene, path: str = "stages/setup.
 
 def _project_vertices(gpu: Workspace, scene: DeviceScene, view: View, features: Features) -> cl.Buffer:
     count = len(scene.scene.vertices)
-    vertices = gpu.buffer("vertices", (count + PADDING) * VERTEX.itemsize)
+    vertices = gpu.buffer("vertices", _checked_bytes(gpu, (scene.vertex_count + PADDING) * VERTEX.itemsize))
     launch(
         gpu,
         STAGE,
@@ -255,6 +263,83 @@ def _project_vertices(gpu: Workspace, scene: DeviceScene, view: View, features: 
         **view.points,
     )
     return vertices
+
+
+def _checked_bytes(gpu: Workspace, nbytes: int) -> int:
+    """The bytes of a buffer. Raises InputError if they are more than the device gives in one."""
+    most = int(gpu.device.max_mem_alloc_size)
+    if nbytes > most:
+        raise InputError(
+            f"scene: expected vertices, and corners of lines and points, of at most {most / 2**20:,.0f} MiB, as the "
+            f"device allocates no more at once, got {nbytes / 2**20:,.0f} MiB; render its parts"
+        )
+    return nbytes
+
+
+def _expand(
+    gpu: Workspace, scene: DeviceScene, view: View, camera: Camera, marks: Marks, vertices: cl.Buffer
+) -> cl.Buffer | None:
+    """Writes the corners of lines and points. Returns how far along the lines theirs are, or None without lines."""
+    outlines = scene.outlines
+    if outlines is None:
+        return None
+    kernels = setup_kernels(gpu, scene, "stages/expand.cl")
+    first, lines = len(scene.scene.vertices), len(outlines.lines)
+    height = view.height
+
+    def size(length: Length) -> Arguments:
+        flat, by_depth = length.half(camera, height, view.clipping[0])
+        return {"half_width": flat, "half_by_depth": by_depth, "across": view.across, "vertices": vertices}
+
+    places = gpu.buffer("places", 4 * outlines.line_corners) if lines else None
+    if lines:
+        launch(
+            gpu,
+            STAGE,
+            kernels["expand_lines"],
+            lines,
+            None,
+            lines=scene.lines,
+            line_count=lines,
+            first_vertex=first,
+            ends=outlines.ends,
+            perspective=view.perspective,
+            places=places,
+            **size(marks.line_width),
+            **view.points,
+        )
+    if scene.scene.points is not None:
+        right, up, forward = camera.axes()
+        launch(
+            gpu,
+            STAGE,
+            kernels["expand_points"],
+            len(scene.scene.points),
+            None,
+            points=scene.points,
+            point_count=len(scene.scene.points),
+            first_vertex=first + outlines.line_corners,
+            outline=scene.outline,
+            corners=outlines.shape.corners,
+            axes=gpu.put("axes", np.stack([right, -up, -forward]).astype(np.float32)),
+            normals=scene.normals if outlines.shape.ball else None,
+            **size(marks.point_size),
+        )
+    return places
+
+
+def _places_of_lines(scene: DeviceScene, places: cl.Buffer | None) -> Arguments:
+    """The arguments of kernels that interpolate along lines, and turn normals of lines and points to the eye."""
+    outlines, faces, first = scene.outlines, len(scene.scene.faces), len(scene.scene.vertices)
+    first_point = faces + (0 if outlines is None else outlines.line_faces)
+    return {
+        "first_line": faces,
+        "first_point": first_point,
+        "first_ball": first_point if outlines is not None and outlines.shape.ball else scene.face_count,
+        "line_vertex": first,
+        "ends": 1 if outlines is None else outlines.ends,
+        "places": places,
+    }
 
 
 @dataclass(frozen=True)
@@ -282,7 +367,7 @@ class _Lists:
 def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Features, corners: Arguments) -> _Lists:
     """Culls the faces, and lists the remaining ones, which may cover a sample. Opaque faces come first."""
     kernels = setup_kernels(gpu, scene)
-    face_count = len(scene.scene.faces)
+    face_count = scene.face_count
     states = gpu.buffer("states", face_count + PADDING)
     launch(
         gpu,
@@ -335,6 +420,7 @@ def _set_up(
     corners: Arguments,
     lists: _Lists,
     sides: Arguments,
+    lines: Arguments,
 ) -> dict[str, cl.Buffer]:
     """Makes the records of the listed faces, and of the pieces of clipped faces."""
     count = lists.listed_count + CLIP_TRIANGLES * lists.clipped_count
@@ -350,6 +436,7 @@ def _set_up(
         -(-lists.listed_count // features.wide),
         None,
         **corners,
+        **lines,
         perspective=view.perspective,
         **lists.arguments,
         **view.grid,
@@ -390,7 +477,6 @@ def matrix_of(
     The depths of the planes include PLANE_SLACK. size: in samples, of which a pixel has `pattern`.
     """
     _, height = size
-    across = pattern.columns / pattern.rows  # samples in a pixel's width, for each in its height
     near, far = (value * scale for value in clipping)
     eye = (np.asarray(camera.position, np.float64) - scene_origin) * scale
     right, up, forward = camera.axes()
@@ -402,11 +488,11 @@ def matrix_of(
     if camera.orthographic:
         per_unit = SUBPIXELS * height / 2 / (half * camera.distance * scale)
         depth = row(forward, -1 / (far - near), far / (far - near))
-        matrix = [row(right, per_unit * across), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
+        matrix = [row(right, per_unit * pattern.across), row(up, -per_unit), depth, [0.0, 0.0, 0.0, 1.0]]
         depth_far = -PLANE_SLACK
     else:
         per_unit = SUBPIXELS * height / 2 / half
-        matrix = [row(right, per_unit * across), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
+        matrix = [row(right, per_unit * pattern.across), row(up, -per_unit), [0.0, 0.0, 0.0, near], row(forward)]
         depth_far = near / far * (1 - PLANE_SLACK)
     exact = np.array(matrix, np.float64)
     high = exact.astype(np.float32)

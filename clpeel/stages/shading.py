@@ -97,8 +97,11 @@ MAPS = {"metallic_roughness": True, "normal": True, "occlusion": True, "emissive
 # --- materials --------------------------------------------------------------------------------------------------------
 
 
-def material_table(scene: Scene, packed: Packed) -> NDArray[np.void]:
-    """Return MATERIAL [1 + k]: that of faces without a material, and the scene's. packed: their textures."""
+def material_table(scene: Scene, packed: Packed, vertex_count: int) -> NDArray[np.void]:
+    """Return MATERIAL [1 + k]: that of faces without a material, and the scene's.
+
+    packed: their textures. vertex_count: of vertices on the device, with the corners of lines and points.
+    """
     used = used_materials(scene, packed.lights)
     table = np.zeros(1 + len(used), MATERIAL)
     plain = Material(plain=True)
@@ -115,7 +118,7 @@ def material_table(scene: Scene, packed: Packed) -> NDArray[np.void]:
         if material.texture is not None:
             _put_mapping(row["base"], material.texture, False, packed)
         if packed.lights:
-            _put_finish(row, material, packed, len(scene.vertices))
+            _put_finish(row, material, packed, vertex_count)
     return table
 
 

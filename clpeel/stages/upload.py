@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
 from clpeel.scene.arrays import AnyArray, Colors
+from clpeel.scene.materials import NO_MATERIAL
 from clpeel.scene.scene import Positions, Scene
 from clpeel.scene.tangents import tangents_of
+from clpeel.stages.outlines import SQUARE, Outlines, Shape, outlines_of
 from clpeel.stages.shading import Packed, Shading, material_table, packed_textures, shading_of, used_materials
 
 MOST_ITEMS = 2**31 // 3
@@ -32,7 +34,10 @@ class DeviceScene:
     [1 + j]; textures: uint32; packed: the same textures on the host. All of them are None if there are no materials,
     but for the last three where lights fall on the scene.
     single_sided: uint8 [m] or None. opaque_faces: uint32 [m], bytes of a colour whose alpha is 255 where a face is
-    opaque; None if the palette says so. nbytes: of all arrays.
+    opaque; None if the palette says so. outlines: of its lines and points, or None; their corners and triangles follow
+    the scene's own in all these arrays but the positions. lines: int32 [k, 4]; points: uint32 [p]; outline: float32
+    [corners, 4] of a point; of_faces: uint8, 1 for each of the scene's faces, 0 behind. None without outlines. nbytes:
+    of all arrays.
     """
 
     scene: Scene
@@ -53,24 +58,47 @@ class DeviceScene:
     packed: Packed | None
     single_sided: cl.Buffer | None
     opaque_faces: cl.Buffer | None
+    outlines: Outlines | None
+    lines: cl.Buffer | None
+    points: cl.Buffer | None
+    outline: cl.Buffer | None
+    of_faces: cl.Buffer | None
     nbytes: int
+
+    @property
+    def vertex_count(self) -> int:
+        """How many vertices there are, with the corners of lines and points."""
+        return len(self.scene.vertices) + (0 if self.outlines is None else len(self.outlines.vertex_of))
+
+    @property
+    def face_count(self) -> int:
+        """How many triangles there are, with those of lines and points."""
+        return len(self.scene.faces) + (0 if self.outlines is None else len(self.outlines.faces))
 
 
 def upload(
-    gpu: Workspace, scene: Scene, normals: bool = False, like: DeviceScene | None = None, lights: bool = False
+    gpu: Workspace,
+    scene: Scene,
+    normals: bool = False,
+    like: DeviceScene | None = None,
+    lights: bool = False,
+    shape: Shape = SQUARE,
 ) -> DeviceScene:
     """Puts a scene on the device. normals: with its vertex normals, if it has some. lights: with what lights need.
 
-    like: a scene on the device that has the same textures. They are not copied again if they suffice.
+    like: a scene on the device that has the same textures. They are not copied again if they suffice. shape: of its
+    points.
     Raises InputError when the scene has more vertices or triangles than the kernels can number (MOST_ITEMS).
     """
-    most = max(len(scene.vertices), len(scene.faces))
+    grid = scene.positions()
+    outlines = outlines_of(scene, shape, np.asarray(np.isfinite(grid.hi).all(axis=1)))
+    behind = (0, 0) if outlines is None else (len(outlines.vertex_of), len(outlines.faces))
+    most = max(len(scene.vertices) + behind[0], len(scene.faces) + behind[1])
     if most > MOST_ITEMS:
         raise InputError(
             f"scene: expected at most {MOST_ITEMS:,} vertices and triangles, got {most:,}; render its parts"
         )
-    grid = scene.positions()
-    rate, colors = _palette(scene)
+    rate, colors = _palette(scene, outlines)
     arrays: dict[str, AnyArray] = {"positions": grid.hi, "faces": scene.faces, "palette": colors}
     if grid.lo is not None:
         arrays["low_positions"] = grid.lo
@@ -91,7 +119,9 @@ def upload(
         if scene.face_materials is not None and used:
             arrays["material_of"] = scene.face_materials
             arrays["uv"] = _coordinates(scene, lights)
-        arrays |= _of_materials(scene, packed)
+        arrays |= _of_materials(scene, packed, len(scene.vertices) + behind[0])
+    if outlines is not None:
+        arrays |= _of_outlines(scene, outlines, arrays)
     held = _buffers(gpu, arrays)
     return DeviceScene(
         scene=scene,
@@ -112,6 +142,11 @@ def upload(
         packed=packed,
         single_sided=held.get("single_sided"),
         opaque_faces=held.get("opaque_faces"),
+        outlines=outlines,
+        lines=held.get("lines"),
+        points=held.get("points"),
+        outline=held.get("outline"),
+        of_faces=held.get("of_faces"),
         nbytes=sum(array.nbytes for array in arrays.values()) + (0 if packed is None else packed.words.nbytes),
     )
 
@@ -123,11 +158,34 @@ def _coordinates(scene: Scene, lights: bool) -> NDArray[np.float32]:
     return np.stack([scene.uv, *scene.more_uv]) if lights and scene.more_uv else scene.uv[None]
 
 
-def _of_materials(scene: Scene, packed: Packed) -> dict[str, AnyArray]:
+def _of_outlines(scene: Scene, outlines: Outlines, arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    """The arrays of lines and points, and those of vertices and faces with what follows for outlines."""
+    faces = len(outlines.faces)
+    own: dict[str, AnyArray] = {
+        "faces": outlines.faces,
+        "material_of": np.full(faces, NO_MATERIAL, np.int32),
+        "single_sided": np.zeros(faces, np.uint8),
+        "opaque_faces": _opaque_bytes(outlines.opaque),
+    }
+    found = {name: np.concatenate([arrays[name], array]) for name, array in own.items() if name in arrays}
+    for name in ("normals", "uv"):  # [n, 3] or [sets, n, 2 or 3]
+        if name in arrays:
+            found[name] = np.concatenate([arrays[name], arrays[name][..., outlines.vertex_of, :]], axis=-2)
+    found["of_faces"] = np.repeat(np.array([1, 0], np.uint8), [len(scene.faces), faces])
+    found |= {"lines": outlines.lines, "outline": outlines.shape.outline}
+    return found if scene.points is None else {**found, "points": scene.points}
+
+
+def _opaque_bytes(opaque: NDArray[np.bool_]) -> NDArray[np.uint32]:
+    """Colours, bytes, whose alpha is 255 where something is opaque."""
+    return np.where(opaque, np.uint32(0xFF000000), np.uint32(0))
+
+
+def _of_materials(scene: Scene, packed: Packed, vertex_count: int) -> dict[str, AnyArray]:
     """The arrays that depend on the materials' numbers, but not on their textures."""
-    found: dict[str, AnyArray] = {"materials": material_table(scene, packed)}
+    found: dict[str, AnyArray] = {"materials": material_table(scene, packed, vertex_count)}
     if used_materials(scene, packed.lights):
-        found["opaque_faces"] = np.where(scene.kinds.opaque, np.uint32(0xFF000000), np.uint32(0))
+        found["opaque_faces"] = _opaque_bytes(scene.kinds.opaque)
     return found
 
 
@@ -140,8 +198,12 @@ def _buffers(gpu: Workspace, arrays: dict[str, AnyArray]) -> dict[str, cl.Buffer
                 f"scene: expected {name} of at most {most / 2**20:,.0f} MiB, as the device allocates no more at once, "
                 f"got {array.nbytes / 2**20:,.0f} MiB"
             )
-    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    return {name: cl.Buffer(gpu.context, flags, hostbuf=np.ascontiguousarray(array)) for name, array in arrays.items()}
+    flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR  # the normals of balls are written for each view
+    return {
+        name: cl.Buffer(gpu.context, flags, hostbuf=np.ascontiguousarray(array))
+        for name, array in arrays.items()
+        if array.nbytes
+    }
 
 
 def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
@@ -149,13 +211,18 @@ def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
 
     Only these are copied. A scene that got vertices of its own for its faces is uploaded as a whole.
     """
+    outlines = held.outlines
     if len(scene.vertices) != len(held.scene.vertices):
-        lights = held.packed is not None and held.packed.lights
-        return upload(gpu, scene, held.normals is not None, like=held, lights=lights)
-    rate, colors = _palette(scene)
+        lights, shape = held.packed is not None and held.packed.lights, SQUARE if outlines is None else outlines.shape
+        return upload(gpu, scene, held.normals is not None, held, lights, shape)
+    if outlines is not None:
+        outlines = replace(outlines, opaque=_opaque_again(scene, outlines))
+    rate, colors = _palette(scene, outlines)
     arrays: dict[str, AnyArray] = {"palette": colors}
     if held.packed is not None:
-        arrays |= _of_materials(scene, held.packed)
+        arrays |= _of_materials(scene, held.packed, held.vertex_count)
+        if outlines is not None and "opaque_faces" in arrays:
+            arrays["opaque_faces"] = np.concatenate([arrays["opaque_faces"], _opaque_bytes(outlines.opaque)])
     buffers = _buffers(gpu, arrays)
     return replace(
         held,
@@ -163,6 +230,7 @@ def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
         palette=buffers["palette"],
         materials=buffers.get("materials"),
         opaque_faces=buffers.get("opaque_faces"),
+        outlines=outlines,
         color_rate=rate,
         packed_color=colors.dtype == np.uint8,
         surfaces=scene.surfaces,
@@ -171,10 +239,16 @@ def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
     )
 
 
-def _palette(scene: Scene) -> tuple[str, Colors]:
+def _opaque_again(scene: Scene, outlines: Outlines) -> NDArray[np.bool_]:
+    """Which triangles of outlines are opaque now that the scene has other colours."""
+    return scene.opaque_marks[outlines.marks_of(np.arange(len(outlines.faces), dtype=np.int32))]
+
+
+def _palette(scene: Scene, outlines: Outlines | None) -> tuple[str, Colors]:
     """What has a colour of its own ("scene", "face" or "vertex"), and the colours [k, 4]."""
     if scene.vertex_colors is not None:
-        return "vertex", scene.vertex_colors
+        own = scene.vertex_colors
+        return "vertex", own if outlines is None else np.concatenate([own, own[outlines.vertex_of]])
     if scene.face_colors is not None:
         return "face", scene.face_colors
     return "scene", np.atleast_2d(np.asarray(scene.color))

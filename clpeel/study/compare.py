@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.checks import Background, GivenBackground, whole_number
+from clpeel.device.layout import PointType
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
 from clpeel.pictures.layers import Layers
@@ -47,6 +48,9 @@ def compare(
     memory: int | str | None = None,
     device: int | str | None = None,
     lanes: int | None = None,
+    line_width: float | str = PictureOptions.line_width,
+    point_size: float | str = PictureOptions.point_size,
+    point_type: PointType = PictureOptions.point_type,
     pictures: bool = False,
     progress: Progress | None = None,
 ) -> Comparison:
@@ -68,7 +72,16 @@ def compare(
     names, chosen_precisions = check_choice(techniques, precisions)
     limits = sorted({whole_number("budgets", budget, MAX_PASSES) for budget in budgets})
     frames = whole_number("frames", frames, MOST_FRAMES)
-    picture = PictureOptions(size=size, background=background, lighting=lighting, opaque=opaque, memory=memory)
+    picture = PictureOptions(
+        size=size,
+        background=background,
+        lighting=lighting,
+        opaque=opaque,
+        memory=memory,
+        line_width=line_width,
+        point_size=point_size,
+        point_type=point_type,
+    )
     if picture.over is None:
         raise InputError("background: expected 3 numbers 0..1, as errors are of the picture over it; got None")
     check_picture_fits(picture.size, HOST_BYTES)
@@ -217,6 +230,9 @@ class _Bench:
             "lighting": picture.lighting,
             "opaque": picture.opaque,
             "memory": picture.memory,
+            "line_width": picture.line_width,
+            "point_size": picture.point_size,
+            "point_type": picture.point_type,
         }
 
     def _report(self, text: str, part: float = 0.0) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.checks import GivenBackground, checked_background
-from clpeel.device.layout import ALL_LAYERS
+from clpeel.device.layout import ALL_LAYERS, PointType
 from clpeel.errors import InputError
 from clpeel.pictures.background import levels_of
 from clpeel.pictures.colormap import colors_at
@@ -21,11 +21,12 @@ from clpeel.pictures.scale_bar import draw_scale_bar
 from clpeel.rendering.estimates import estimated_seconds
 from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
 from clpeel.rendering.renderer import Renderer
-from clpeel.rendering.request import Progress, check_picture_fits
+from clpeel.rendering.request import Progress, check_picture_fits, marks_of
 from clpeel.rendering.self_test import check_counting
 from clpeel.scene.camera import Camera
 from clpeel.scene.scene import Scene
 from clpeel.stages.counting import Counted, count_layers
+from clpeel.stages.outlines import shape_of
 from clpeel.stages.upload import upload
 from clpeel.techniques import TECHNIQUES, AnyTechnique
 from clpeel.techniques.technique import opaque_bytes
@@ -68,7 +69,7 @@ class Complexity:
 
     layers: int32 [height, width], row 0 on top. These are the transparent fragments in front of the opaque surface, or
     all fragments if opaque="blend". opaque: bool [height, width], whether there is an opaque surface. needs: one entry
-    for each technique. triangles: of the scene. seconds: what counting took, by the device's clock.
+    for each technique. triangles, lines, points: of the scene. seconds: what counting took, by the device's clock.
 
     A pixel is covered if it has a layer or an opaque surface. The mean, the median and the percentiles are those of the
     covered pixels.
@@ -79,6 +80,8 @@ class Complexity:
     needs: tuple[Need, ...]
     triangles: int
     seconds: float
+    lines: int = 0
+    points: int = 0
 
     @cached_property
     def histogram(self) -> NDArray[np.int64]:
@@ -142,6 +145,8 @@ class Complexity:
         return {
             "size": [width, height],
             "triangles": self.triangles,
+            "lines": self.lines,
+            "points": self.points,
             "fragments": self.fragments,
             "covered_pixels": self.covered,
             "covered_share": self.covered_share,
@@ -194,18 +199,30 @@ def complexity(
     memory: int | str | None = None,
     device: int | str | None = None,
     lanes: int | None = None,
+    line_width: float | str = PictureOptions.line_width,
+    point_size: float | str = PictureOptions.point_size,
+    point_type: PointType = PictureOptions.point_type,
     progress: Progress | None = None,
 ) -> Complexity:
     """Count the layers of every pixel, with one sample each, and estimate what each technique would need.
 
     The parameters are those of `render`. camera: by default `Camera.frame(scene)`. size: (width, height) in pixels.
     lighting: affects the estimates of time only. opaque: "first" counts only the transparent fragments in front of
-    opaque surfaces, "blend" counts all fragments. memory: bytes, or text such as "512M". device, lanes. progress: is
+    opaque surfaces, "blend" counts all fragments. memory: bytes, or text such as "512M". device, lanes. line_width,
+    point_size, point_type: of lines and points. progress: is
     called with the share that is done (0..1) and a text. Raises InputError if any of these is invalid, and DeviceError
     if the device's kernels count known layers wrongly.
     """
     renderer = Renderer(scene, device, lanes)
-    picture = PictureOptions(size=size, lighting=lighting, opaque=opaque, memory=memory)
+    picture = PictureOptions(
+        size=size,
+        lighting=lighting,
+        opaque=opaque,
+        memory=memory,
+        line_width=line_width,
+        point_size=point_size,
+        point_type=point_type,
+    )
     check_picture_fits(picture.size, PIXEL_BYTES)
     if camera is None:
         camera = Camera.frame(scene, aspect=picture.size[0] / picture.size[1])
@@ -216,12 +233,14 @@ def complexity(
     report(1.0, "done")
     shaded = replace(counted.tiles.features, headlight=picture.lighting != "none").fragment_color
     needs = tuple(need_of(technique, counted, shaded) for technique in TECHNIQUES.values())
-    return Complexity(counted.layers, counted.opaque, needs, len(scene.faces), counted.seconds)
+    return Complexity(counted.layers, counted.opaque, needs, scene.counts[0], counted.seconds, *scene.counts[1:])
 
 
 def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progress: Progress | None) -> Counted:
     """Return the counts of the view. If a count takes less than SOON, it is repeated and the least times are kept."""
-    on_device = upload(renderer.gpu, renderer.scene)
+    scene, marks = renderer.scene, marks_of(picture)
+    shape = shape_of(scene, marks, camera, picture.size[1], False)
+    on_device = upload(renderer.gpu, scene, shape=shape)
     told = None if progress is None else lambda done: progress(done, "counting")
 
     def count() -> Counted:
@@ -236,6 +255,7 @@ def _counted(renderer: Renderer, camera: Camera, picture: PictureOptions, progre
             told,
             backfaces=picture.backface_type,
             probes=picture.anisotropy,
+            marks=marks,
         )
 
     counted = count()

@@ -58,6 +58,9 @@ class Technique(Generic[O]):
     all_surfaces: ClassVar[bool] = False
     """Whether opaque surfaces are treated like all others, instead of being drawn first."""
 
+    measures_solids: ClassVar[bool] = False
+    """Whether it measures what lies within surfaces. Lines and points have no inside, so it leaves them out."""
+
     stores_fragments: ClassVar[bool] = False
     """Whether it stores all of a pixel's fragments at once. The memory must then be enough for them."""
 

@@ -68,6 +68,7 @@ class Measuring(Technique[V]):
     maps = ("thickness", "unpaired")
     least_passes = 1
     all_surfaces = True
+    measures_solids = True
     stores_fragments = True
     scratch_bytes = FRAGMENT_BYTES
 

@@ -24,8 +24,8 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
     """Return a scene of at most so many triangles, as far as LEAST_CELLS allow, that looks like the scene from afar.
 
     Triangles whose corners fall into fewer than three cells vanish, and of triangles with the same three cells the
-    first stays. A triangle keeps its colour; a corner gets the mean place of its cell, and the colour and the
-    texture coordinates of the first vertex there.
+    first stays. So it is with lines and points, however many there are. A triangle keeps its colour; a corner gets the
+    mean place of its cell, and the colour and the texture coordinates of the first vertex there.
     """
     cells = FIRST_CELLS
     cell, faces, kept = _clustered(scene, cells)
@@ -37,7 +37,7 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
         cell, faces, kept = _clustered(scene, cells)
     if not len(faces):
         return scene
-    used = np.isfinite(scene.vertices).all(axis=1)
+    used = np.asarray(np.isfinite(scene.vertices).all(axis=1))
     count = int(cell.max()) + 1
     weight = np.maximum(np.bincount(cell[used], minlength=count), 1)
     places = [np.bincount(cell[used], scene.vertices[used, axis], count) / weight for axis in range(3)]
@@ -54,7 +54,17 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
         more_uv=tuple(uv[first] for uv in scene.more_uv),
         face_materials=None if scene.face_materials is None else scene.face_materials[kept],
         single_sided=None if scene.single_sided is None else scene.single_sided[kept],
+        lines=None if scene.lines is None else _whole(cell, used, scene.lines),
+        points=None if scene.points is None else _whole(cell, used, scene.points[:, None]).reshape(-1),
     )
+
+
+def _whole(cell: NDArray[np.int64], finite: NDArray[np.bool_], marks: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the cells of lines [k, 2] or points [p, 1], each kind of line or point once, without those not finite."""
+    found = cell[marks[finite[marks].all(axis=1)]]
+    found = found[(found[:, :1] != found[:, 1:]).all(axis=1)]
+    _, first = np.unique(found, axis=0, return_index=True)
+    return found[np.sort(first)].astype(np.int32)
 
 
 def _clustered(scene: Scene, cells: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

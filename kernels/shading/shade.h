@@ -94,7 +94,7 @@ typedef struct {
     float3 normal[3];
 #endif
 #if LIGHTS
-    float side;  // -1 if the face is seen from behind, else 1
+    float side;  // -1 if the face is seen from behind, else 1; 0 if it has no sides (TURNED)
 #endif
 #if POSITIONED
     float depth[3], depth_min, depth_max, per_area;  // of the record's plane (stages/walk.h, keys_of)
@@ -160,7 +160,7 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
     f->normal[2] = load3(shading->normals, vertex.z);
 #endif
 #if LIGHTS
-    f->side = t->flags & BACK_FACING ? -1.0f : 1.0f;
+    f->side = t->flags & TURNED ? 0.0f : t->flags & BACK_FACING ? -1.0f : 1.0f;
 #endif
 #if POSITIONED
     UNROLL for (int k = 0; k < 3; ++k) f->depth[k] = t->depth[k];
@@ -294,8 +294,15 @@ INLINE void surface_of(const Face *f, const OnFace *place, global const Lighting
     n[2] = a * f->normal[0].z + b * f->normal[1].z + c * f->normal[2].z;
     global const float *axes = lighting->right;  // then up, and back
     UNROLL for (int j = 0; j < 3; ++j)
-        s->normal[j] = f->side * (n[0] * axes[3 * j] + n[1] * axes[3 * j + 1] + n[2] * axes[3 * j + 2]);
+        s->normal[j] = n[0] * axes[3 * j] + n[1] * axes[3 * j + 1] + n[2] * axes[3 * j + 2];
     s->ray[0] = sight->x * lighting->ray[0], s->ray[1] = sight->y * lighting->ray[1];
+    Reals side = (Reals)(f->side);
+    if (f->side == 0.0f) {
+        Reals facing = s->normal[2];
+        if (lighting->perspective) facing += s->normal[1] * s->ray[1] - s->normal[0] * s->ray[0];
+        side = facing < (Reals)(0.0f) ? (Reals)(-1.0f) : (Reals)(1.0f);
+    }
+    UNROLL for (int j = 0; j < 3; ++j) s->normal[j] *= side;
 #if POSITIONED
     s->distance = lighting->perspective ? lighting->near / place->depth : lighting->far - place->depth * lighting->span;
 #endif
@@ -492,7 +499,8 @@ INLINE Reals shown_light(const Shading *shading, Reals light)
     return to_srgb(shading->textures, least_of(light, (Reals)(1.0f)));
 }
 
-// The colours of SHADED fragments under lights, sRGB. color: as materials are, linear, but sRGB if they are PLAIN.
+// The colours of SHADED fragments under lights, sRGB. color: as materials are, linear, but sRGB if they are PLAIN. Of these,
+// fragments whose normals have no length stay as they are: lines and points without normals (clpeel/scene/normals.py).
 INLINE void light_colors(const Shading *shading, global const Material *m, const Surface *s, bool mapped, float4 colors[SHADED])
 {
     Reals channel[4], highlight[3];
@@ -522,6 +530,11 @@ INLINE void light_colors(const Shading *shading, global const Material *m, const
 #else
     UNROLL for (int c = 0; c < 3; ++c) channel[c] = shown_light(shading, channel[c] + highlight[c]);
 #endif
+    if (m->flags & PLAIN) {
+        Reals given[4], length2 = dot_of(s->normal, s->normal);
+        to_channels(colors, given);
+        UNROLL for (int c = 0; c < 4; ++c) channel[c] = length2 > (Reals)(0.0f) ? channel[c] : given[c];
+    }
     of_channels(channel, colors);
 }
 #endif

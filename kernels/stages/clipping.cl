@@ -4,50 +4,10 @@
 //   clip_triangles      a clipped face a work-item: writes its fan, in records of its own behind those of the list
 #undef WIDE
 #define WIDE 1  // clipped faces are few, and each has corners of its own to go through
-#include "stages/projection.h"
+#include "stages/planes.h"
 
 // weight: the weights of the face's three vertices at this corner.
 typedef struct { ClipVertex at; float weight[3]; } PolygonCorner;
-
-// The signed distance from a plane, 0 .. 5, positive inside, linear in clip space. The plane's outcode is 1 << plane.
-INLINE void plane_distance(int plane, const ClipVertex *v, DepthRange depth, Pair *distance)
-{
-    Pair guard = {v->w.hi * GUARD_BAND, v->w.lo * GUARD_BAND}, bound = {plane == 0 ? depth.near : depth.far, 0.0f};
-    pair_mul(&v->w, &bound, &bound);
-    switch (plane) {
-    case 0: pair_sub(&bound, &v->z, distance); break;
-    case 1: pair_sub(&v->z, &bound, distance); break;
-    case 2: pair_add(&guard, &v->x, distance); break;
-    case 3: pair_sub(&guard, &v->x, distance); break;
-    case 4: pair_add(&guard, &v->y, distance); break;
-    default: pair_sub(&guard, &v->y, distance);
-    }
-}
-
-// Puts a point exactly on a plane, which it misses only by rounding. Far outside the picture, rounding can be larger
-// than the picture.
-INLINE void put_on_plane(int plane, ClipVertex *v, DepthRange depth)
-{
-    Pair guard = {v->w.hi * GUARD_BAND, v->w.lo * GUARD_BAND}, negative = {-guard.hi, -guard.lo};
-    Pair bound = {plane == 0 ? depth.near : depth.far, 0.0f};
-    switch (plane) {
-    case 0:
-    case 1: pair_mul(&v->w, &bound, &v->z); break;
-    case 2: v->x = negative; break;
-    case 3: v->x = guard; break;
-    case 4: v->y = negative; break;
-    default: v->y = guard;
-    }
-}
-
-// The point from + t (to - from), in one coordinate.
-INLINE void along(const Pair *from, const Pair *to, const Pair *t, Pair *there)
-{
-    Pair step;
-    pair_sub(to, from, &step);
-    pair_mul(t, &step, &step);
-    pair_add(from, &step, there);
-}
 
 // Clips a polygon against one plane (Sutherland and Hodgman). Cuts are always made from inside to outside, so two faces
 // that share an edge share its cut. Returns how many corners are left. A convex polygon gains one corner at most.
@@ -58,8 +18,8 @@ static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRang
     for (int k = 0; k < count && kept < room; ++k) {
         const PolygonCorner *a = in + k, *b = in + (k + 1 < count ? k + 1 : 0);
         Pair da, db;
-        plane_distance(plane, &a->at, depth, &da);
-        plane_distance(plane, &b->at, depth, &db);
+        plane_distance(plane, &a->at, depth, GUARD_BAND, &da);
+        plane_distance(plane, &b->at, depth, GUARD_BAND, &db);
         bool a_in = da.hi >= 0.0f, b_in = db.hi >= 0.0f;
         if (a_in) out[kept++] = *a;
         if (a_in == b_in) continue;
@@ -72,12 +32,9 @@ static int clip_polygon(const PolygonCorner *in, int count, int plane, DepthRang
         pair_sub(&da, &db, &t);
         pair_div(&da, &t, &t);
         PolygonCorner *cut = out + kept++;
-        along(&a->at.x, &b->at.x, &t, &cut->at.x);
-        along(&a->at.y, &b->at.y, &t, &cut->at.y);
-        along(&a->at.z, &b->at.z, &t, &cut->at.z);
-        along(&a->at.w, &b->at.w, &t, &cut->at.w);
+        along(&a->at, &b->at, &t, &cut->at);
         for (int j = 0; j < 3; ++j) cut->weight[j] = a->weight[j] + t.hi * (b->weight[j] - a->weight[j]);
-        put_on_plane(plane, &cut->at, depth);
+        put_on_plane(plane, &cut->at, depth, GUARD_BAND);
     }
     return kept;
 }

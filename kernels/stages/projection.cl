@@ -1,6 +1,7 @@
 // Projection: turns scene triangles into records of snapped screen triangles (stages/projection.h).
 //
 //   project_vertices    WIDE vertices a work-item: to clip space in pairs of floats, then snapped to 1/256 pixel
+//   (stages/expand.cl then writes the corners of lines and points, behind the vertices)
 //   cull_triangles      WIDE faces a work-item: finds what each needs, which is DRAWN where it may cover a sample
 //   count_states        a chunk of faces a work-item: counts faces that are DRAWN or CLIPPED, CLIPPED, and DISCARDED
 //   list_triangles      a chunk of faces a work-item: lists faces that are DRAWN or CLIPPED, and which are CLIPPED
@@ -198,10 +199,29 @@ kernel void list_triangles(global const uchar *states, uint face_count, uint chu
 #endif
 }
 
+// Along lines colours are interpolated by place, from one end to the other, wherever the corners are that a line was given
+// (stages/expand.cl). So a corner of a line's triangle has a share of both ends, which any two corners of the triangle
+// stand for that belong to these. line_vertex: the first vertex of lines. ends: how many vertices an end has.
+INLINE void line_shares(const uint vertex[3], const float depth[3], int perspective, uint line_vertex, uint ends,
+                        global const float *places, float share[3][3])
+{
+    int of[2] = {-1, -1};
+    for (int j = 0; j < 3; ++j) of[(vertex[j] - line_vertex) / ends % 2] = j;
+    if (of[0] < 0 || of[1] < 0) return;  // all of them belong to one end
+    for (int i = 0; i < 3; ++i) {
+        float there = places[vertex[i] - line_vertex], scale = perspective ? depth[i] : 1.0f;
+        for (int j = 0; j < 3; ++j) share[i][j] = j == of[0] ? (1.0f - there) * scale : j == of[1] ? there * scale : 0.0f;
+    }
+}
+
 // --- records --------------------------------------------------------------------------------------------------------
+// first_line, first_point, first_ball: the first face of lines, of points, and of points that are balls. places: of the
+// vertices of lines, how far along they are, 0 .. 1; NULL if there are none.
 kernel void setup_triangles(global const uint *faces, uint vertex_count, global const Vertex *vertices,
                             global const uint *listed, uint listed_count, uint opaque_count, int width, int height, uint pattern,
-                            int perspective, global Triangle *triangles, global ushort4 *bounds, global float *weights)
+                            int perspective, uint first_line, uint first_point, uint first_ball, uint line_vertex, uint ends,
+                            global const float *places, global Triangle *triangles, global ushort4 *bounds,
+                            global float *weights)
 {
     uint first = get_global_id(0) * WIDE;
     if (first >= listed_count) return;
@@ -216,11 +236,26 @@ kernel void setup_triangles(global const uint *faces, uint vertex_count, global 
     }
     Arrangement arrangement;
     Uints flags = place < (Uints)(opaque_count) ? (Uints)(OPAQUE) : (Uints)(0);
+    Uints turned = source < (Uints)(first_ball) ? (Uints)(TURNED) : (Uints)(0);
+    flags |= source < (Uints)(first_line) ? (Uints)(0) : turned;
     make_triangles(corner, source, flags, width, height, pattern, first, triangles, bounds, &arrangement);
     if (!weights) return;
     Floats share[3][3];
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
             share[i][j] = i != j ? (Floats)(0.0f) : perspective ? corner[i].depth : (Floats)(1.0f);
+    if (places) FOR_EACH_ELEMENT {
+        uint face = INT_OF(source);
+        if (face < first_line || face >= first_point) continue;
+        uint vertex[3] = {faces[3 * face], faces[3 * face + 1], faces[3 * face + 2]};
+        float depth[3], own[3][3];
+        for (int i = 0; i < 3; ++i) {
+            depth[i] = FLOAT_OF(corner[i].depth);
+            for (int j = 0; j < 3; ++j) own[i][j] = FLOAT_OF(share[i][j]);
+        }
+        line_shares(vertex, depth, perspective, line_vertex, ends, places, own);
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) FLOAT_OF(share[i][j]) = own[i][j];
+    }
     store_weights(weights, first, &arrangement, share);
 }

@@ -24,6 +24,7 @@ def test_the_kernels_are_installed():
     assert {
         "stages/projection.cl",
         "stages/clipping.cl",
+        "stages/expand.cl",
         "stages/binning.cl",
         "stages/windows.cl",
         "stages/setup.cl",
@@ -88,6 +89,7 @@ OTHERS = [
     ("techniques/multi-layer-peeling.cl", {"HAZARD_WINDOW": 2, "HAZARD_ARRIVAL": 0, "TORN_WRITES": 1}),
     ("techniques/thickness.cl", {"PERSPECTIVE": 0, "VARIANT": 1}),
     ("stages/setup.cl", {"LOW_POSITIONS": 1}),
+    ("stages/expand.cl", {"LOW_POSITIONS": 1}),
     *((f"techniques/{name}.cl", {**targets.constants, **more}) for name, targets, more in BY_PASSES),
 ]
 

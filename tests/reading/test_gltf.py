@@ -46,14 +46,17 @@ def test_strip_triangles_without_area_are_dropped_and_the_winding_goes_on(tmp_pa
     assert turned(document.load(tmp_path).faces) == [[0, 1, 2], [1, 4, 3]]
 
 
-def test_lines_beside_triangles_are_noted_in_every_mode(tmp_path: Path) -> None:
-    for mode in (1, 2, 3):
+def test_lines_and_points_beside_triangles_are_drawn_in_every_mode(tmp_path: Path) -> None:
+    drawn = {0: (1, 0, 3), 1: (1, 1, 0), 2: (1, 3, 0), 3: (1, 2, 0)}
+    lost = ("corners left out, as they make no whole line: 1",)
+    for mode, counts in drawn.items():
         document = Document(POINTS[:3])
         tree = document.tree()
         tree["meshes"][0]["primitives"].append({**document.primitive, "mode": mode})
         path = tmp_path / "t.gltf"
         path.write_text(json.dumps(tree))
-        assert load(path).notes == ("left out, not triangles: 1 line set(s)",)
+        scene = load(path)
+        assert scene.counts == counts and scene.notes == (lost if mode == 1 else ())
 
 
 def test_corners_that_make_no_whole_triangle_are_left_out_and_noted(tmp_path: Path) -> None:

@@ -101,12 +101,11 @@ def test_vertices_are_split_only_where_corners_differ(tmp_path: Path) -> None:
     assert scene.vertex_normals is not None and np.isnan(scene.vertex_normals[4]).all()
 
 
-def test_curves_lines_and_points_are_noted(tmp_path: Path) -> None:
+def test_curves_are_noted_and_lines_and_points_drawn(tmp_path: Path) -> None:
     text = SQUARE + "f 1 2 3\ncurv 0 1 1 2 3\nsurf 0 1 0 1 1 2 3\nl 1 2\np 1\nl 2 3\n"
-    assert read(tmp_path, text).notes == (
-        "curves and surfaces left out: 1 curv, 1 surf",
-        "left out, not triangles: 2 line(s), 1 point(s)",
-    )
+    scene = read(tmp_path, text)
+    assert scene.notes == ("curves and surfaces left out: 1 curv, 1 surf",)
+    assert scene.counts == (1, 2, 1)
 
 
 @pytest.mark.parametrize(
@@ -120,8 +119,9 @@ def test_curves_lines_and_points_are_noted(tmp_path: Path) -> None:
         (SQUARE + "f 1 2 3.5\n", "not a readable mesh: expected numbers, got '3.5'"),
         (SQUARE.replace("1 1 0", "1 1,5 0") + "f 1 2 3\n", "not a readable mesh: expected numbers, got '1,5'"),
         (SQUARE.replace("1 1 0", "1 1") + "f 1 2 3\n", "vertices: expected three coordinates, got 2"),
-        (SQUARE + "f 1 2\n", "expected triangles, got 5 point(s) alone; the mesh is empty"),
-        ("hello\n", "expected triangles, got none; the mesh is empty"),
+        (SQUARE + "l 1 6\n", "lines: expected indices 1..5, got 6 in line 6; the mesh is damaged"),
+        (SQUARE + "p 0\n", "points: expected indices 1..5, got 0 in line 6; the mesh is damaged"),
+        ("hello\n", "expected triangles, lines or points, got none; the mesh is empty"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, text: str, says: str) -> None:

@@ -71,11 +71,13 @@ def test_faces_and_strips_may_be_in_one_file(tmp_path: Path, kind: str) -> None:
     assert scene.face_colors.tolist() == [[255, 0, 0, 255], [120, 150, 190, 255], [120, 150, 190, 255]]
 
 
-def test_other_elements_are_passed_over_and_edges_noted(tmp_path: Path, kind: str) -> None:
+def test_other_elements_are_passed_over_and_edges_drawn(tmp_path: Path, kind: str) -> None:
     camera = ("camera", ["float view_px", "list uchar int frames"], [(1.5, [1, 2]), (2.5, [])])
     edge = ("edge", ["int vertex1", "int vertex2"], [(0, 2)])
     scene = read(tmp_path, kind, camera, vertex(), edge, ("face", [INDICES], [([0, 1, 2],)]))
-    assert scene.faces.tolist() == [[0, 1, 2]] and scene.notes == ("left out, not triangles: 1 line(s)",)
+    assert scene.faces.tolist() == [[0, 1, 2]] and scene.notes == ()
+    assert scene.lines is not None
+    np.testing.assert_array_equal(scene.vertices[scene.lines], np.asarray(SQUARE)[[[0, 2]]])
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
@@ -96,7 +98,7 @@ def test_headers_end_in_any_newline(tmp_path: Path, kind: str, newline: str) -> 
         ("face 1", "face one", "expected elements and properties in the header, got 'element face one'"),
         ("vertex_indices", "corners", "faces: expected a list of vertex_indices, got none"),
         ("float z", "float depth", "vertices: expected properties x, y and z, got none"),
-        ("face 1", "face 0", "expected triangles, got 4 point(s) alone; the mesh is empty"),
+        ("vertex 4", "points 4", "expected triangles, lines or points, got none; the mesh is empty"),
         ("face 1", "face 2", "the file is cut: its header promises 2 rows of 'face', it holds 1"),
         ("face 1", "face 99999999999", "the file is cut: its header promises 99,999,999,999 rows of 'face', it holds"),
         ("vertex 4", "vertex 400", "the file is cut: its header promises 400 rows of 'vertex', it holds"),

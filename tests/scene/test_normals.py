@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from clpeel.errors import InputError
 from clpeel.reading.load import load
-from clpeel.scene.normals import _distinct, with_normals
+from clpeel.scene.normals import distinct, with_normals
 from clpeel.scene.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -317,7 +317,7 @@ def test_distinct_columns_are_told_apart_even_where_their_keys_are_equal() -> No
         keys.append(key ^ (key >> np.uint64(32)))
     last = (keys[0] ^ keys[1]).reshape(1).view(np.float64)[0]  # takes the second key to the first
     columns = np.array([[1.0, 2.0, 1.0], [0.0, last, 0.0]])
-    first_of, kind = _distinct(columns)
+    first_of, kind = distinct(columns)
     assert kind[0] == kind[2] != kind[1] and len(first_of) == 2
     np.testing.assert_array_equal(columns[:, first_of[kind]].view(np.uint64), columns.view(np.uint64))
 

@@ -480,7 +480,7 @@ def test_truck_wheels_stand_in_their_two_places() -> None:
     assert scene.opaque and scene.face_colors is not None and scene.face_materials is not None
     shown = [1.055 * value ** (1 / 2.4) - 0.055 for value in (0.04050629958510399, 0.021240700036287308)]
     glass = np.isclose(scene.face_colors, [0, *shown, 1], atol=1e-7).all(axis=1)
-    assert glass.any()
+    assert glass.any() and scene.plain_faces[glass].all()
     # "glass" of the file: its base colour alone, metallicFactor 0, and roughnessFactor 1 by default.
     of_glass = {scene.materials[place] for place in scene.face_materials[glass]}
     finishes = {(m.plain, m.finish.metallic, m.finish.roughness, m.finish.emissive) for m in of_glass if m.finish}
@@ -610,10 +610,20 @@ def test_overrides() -> None:
     np.testing.assert_array_equal(source.vertex_colors, colors)
 
 
-def test_points_and_lines_beside_triangles_are_noted() -> None:
-    source = trimesh.Scene([tetrahedron(), trimesh.PointCloud(TETRAHEDRON)])
-    scene = load(source)
-    assert len(scene.faces) == 4 and scene.notes == ("left out, not triangles: 1 point cloud(s)",)
+def test_points_and_lines_beside_triangles_are_drawn() -> None:
+    scene = load(trimesh.Scene([tetrahedron(), trimesh.PointCloud(TETRAHEDRON, colors=[[1, 2, 3, 4]] * 4)]))
+    assert scene.counts == (4, 0, 4) and scene.notes == ()
+    assert scene.vertex_colors is not None and scene.points is not None
+    assert (scene.vertex_colors[scene.points] == [1, 2, 3, 4]).all()
+
+
+def test_paths_of_trimesh_are_lines() -> None:
+    pytest.importorskip("scipy")
+    path = trimesh.load_path(np.array([[[0, 0, 0], [1, 0, 0]], [[1, 0, 0], [1, 2, 0]]], float))
+    for source in (path, trimesh.Scene([path])):
+        scene = load(source)
+        assert scene.lines is not None and len(scene.lines) == 2 and scene.notes == ()
+        assert scene.vertices[scene.lines].reshape(-1, 3).max(axis=0).tolist() == [1, 2, 0]
 
 
 def test_non_finite_vertices_in_a_file_are_kept(tmp_path: Path) -> None:
@@ -636,13 +646,12 @@ CLOUD = PLY[: PLY.index("element face")] + "end_header\n0 0 0 1\n1 0 0 1\n0 1 0 
         ("noise.ply", os.urandom(500), "not a readable mesh"),
         ("noise.glb", b"glTF" + bytes(200), "expected glTF 2, got version 0"),
         ("noise.stl", b"\x01" * 300, "the file is cut: its header promises 16,843,009 triangles, it holds 4"),
-        ("noise.obj", b"hello world\n", "expected triangles, got none"),
+        ("noise.obj", b"hello world\n", "expected triangles, lines or points, got none"),
         ("noise.off", b"OFF\n3 1\n", "the file is cut: its header promises 4 vertices and faces, it holds 0"),
         ("noise.gltf", b"{]", "not a readable mesh"),
         ("noise.3mf", b"PK\x03\x04", "not a readable mesh"),
-        ("cloud.ply", CLOUD.encode(), "expected triangles, got 4 point(s) alone; the mesh is empty"),
-        ("cloud.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "expected triangles, got 3 point(s) alone"),
-        ("lines.obj", b"v 0 0 0\nv 1 0 0\nl 1 2\n", "expected triangles"),
+        ("cut.ply", CLOUD.encode()[:-8], "the file is cut"),
+        ("lines.obj", b"v 0 0 0\nv 1 0 0\nl 1 3\n", "lines: expected indices 1..2, got 3 in line 3"),
         ("no-faces.off", b"OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "expected triangles, got 3 point(s) alone"),
         ("empty.stl", bytes(84), "expected triangles, got none; the mesh is empty"),
         ("cut.ply", PLY[:-8].encode(), "the file is cut"),
@@ -719,9 +728,13 @@ def test_unreadable_file(tmp_path: Path) -> None:
         ((tetrahedron(),), {"color": [1, 2]}, "color: expected [3 or 4]"),
         ((tetrahedron(),), {"color": 7}, "color: expected [3 or 4]"),
         ((tetrahedron(),), {"color": [NAN, 0, 0]}, "color: expected floats 0..1, got nan"),
-        ((trimesh.PointCloud(TETRAHEDRON),), {}, "trimesh object: expected triangles, got 1 point cloud(s)"),
+        (
+            (trimesh.PointCloud(np.zeros((0, 3))),),
+            {},
+            "trimesh object: expected triangles, lines or points, got 1 point",
+        ),
         ((trimesh.Trimesh(),), {}, "trimesh object: expected triangles"),
-        ((trimesh.Scene(),), {}, "trimesh object: expected triangles, got none"),
+        ((trimesh.Scene(),), {}, "trimesh object: expected triangles, lines or points, got none"),
         ((trimesh.Trimesh(TETRAHEDRON, [[0, 1, 9]], process=False),), {}, "expected indices 0..3, got 9"),
     ],
 )
