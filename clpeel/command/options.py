@@ -14,6 +14,9 @@ from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
 
+EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity")
+"""Options of all pictures that say which edges of faces are drawn, and how."""
+
 METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy")
 """Options of all pictures whose flags stand beside those of the techniques."""
 
@@ -74,6 +77,7 @@ def add_live_options(parser: argparse.ArgumentParser) -> None:
     add("--turn", action="store_true", help="turn the scene from the start (default with --boxes); Space stops it")
     group = parser.add_argument_group("picture")
     _add_scene_options(group, "1024,768", "of a window; a page fills its browser")
+    _add_edge_options(group)
     group.add_argument("--no-background", action="store_true", help="a transparent background, shown over grey")
     _add_camera_options(parser)
     group = parser.add_argument_group("method")
@@ -100,6 +104,7 @@ def _add_view_options(
 ) -> None:
     """Add the options of all commands that render one picture. `group` receives those of the picture."""
     _add_scene_options(group, resolution)
+    _add_edge_options(group)
     group.add_argument("--no-background", action="store_true", help="write a transparent background (straight alpha)")
     _add_camera_options(parser)
     _add_method_options(parser, samples)
@@ -140,6 +145,12 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
     add("--unlit", action="store_true", help="the colours as given, as --lighting none")
     add_option(group, PICTURE["light_intensity"])
     add_option(group, PICTURE["highlights"])
+
+
+def _add_edge_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options that say which edges of faces are drawn, and how."""
+    for name in EDGES:
+        add_option(group, PICTURE[name])
 
 
 def _add_camera_options(parser: argparse.ArgumentParser) -> None:

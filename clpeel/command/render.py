@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from clpeel.command.inputs import load_demo, load_files, make_camera
-from clpeel.command.options import MARKS, METHOD, technique_options
+from clpeel.command.options import EDGES, MARKS, METHOD, technique_options
 from clpeel.command.outputs import (
     LAYER_FILES,
     check_apart,
@@ -132,7 +132,7 @@ def given_options(options: argparse.Namespace, scene: Scene | None = None) -> di
     from clpeel.rendering.options import COMMAND_SAMPLES
     from clpeel.techniques import AUTO, technique
 
-    names = (*technique_options(), *METHOD, *MARKS, "samples", "memory", "light_intensity", "highlights")
+    names = (*technique_options(), *METHOD, *MARKS, *EDGES, "samples", "memory", "light_intensity", "highlights")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     if options.samples is None and (options.technique == AUTO or not technique(options.technique).maps):
         given["samples"] = COMMAND_SAMPLES

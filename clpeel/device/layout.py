@@ -159,6 +159,14 @@ DRAWN, CLIPPED, DISCARDED = 1, 2, 3
 # TURNED: it has no sides, as it is of a line or a point, so lights find its normals turned to the eye.
 SMALL, BACK_FACING, OPAQUE, TURNED = 1, 2, 4, 8
 
+# What is known of an edge before it is seen, one bit each (clpeel/stages/wires.py). WIRED: it is drawn on its faces.
+# FIRST_ONE_SIDED, SECOND_ONE_SIDED: its first or second face is not seen from behind. ALIKE: both run along it the same
+# way.
+WIRED, FIRST_ONE_SIDED, SECOND_ONE_SIDED, ALIKE = 1, 2, 4, 8
+
+BAND_CORNERS, BAND_TRIANGLES = 6, 4
+"""Corners and triangles of a band, which an edge is drawn as beside the surface (kernels/stages/wires.cl)."""
+
 LIST_RUN = 64
 """How many faces list_triangles goes through at once (projection.cl)."""
 
@@ -230,11 +238,12 @@ class Features:
     positioned: bool = False  # some of them have places
     maps: bool = False  # textures say what some materials are, besides their colours
     full_highlights: bool = False  # what highlights lie on does not dim them
+    wires: bool = False  # edges are drawn (kernels/shading/wires.h)
 
     @property
     def fragment_color(self) -> bool:
         """Whether each fragment has a colour of its own, instead of its face's colour."""
-        return self.color_rate == "vertex" or self.headlight or self.lights or self.materials
+        return self.color_rate == "vertex" or self.headlight or self.lights or self.materials or self.wires
 
     @property
     def fragment_bytes(self) -> int:
@@ -268,6 +277,7 @@ class Features:
             "POSITIONED": int(self.positioned),
             "MAPS": int(self.maps),
             "FULL_HIGHLIGHTS": int(self.full_highlights),
+            "WIRES": int(self.wires),
             "FRAGMENT_COLOR": int(self.fragment_color),
             "MIXED": int(self.surfaces == "mixed"),
             "MATERIALS": int(self.materials),

@@ -111,6 +111,31 @@ LAMP = np.dtype(
 )
 """A light (clpeel/scene/lights.py)."""
 
+WIRING = np.dtype(
+    [
+        ("color", np.float32, 4),  # sRGB, and its opacity
+        ("first_band", np.uint32),  # the first triangle of bands, behind all others
+        ("bands", np.uint32),  # where their wires begin, behind those of edges
+        ("faces", np.uint32),  # of the scene, which have lists of edges
+        ("spare", np.uint32),
+    ]
+)
+"""How edges are drawn (kernels/shading/wires.h)."""
+
+WIRE = np.dtype(
+    [
+        ("x", np.float32),  # where it begins, from the image's centre: subpixels of a sample's height
+        ("y", np.float32),
+        ("right", np.float32),  # how far it goes
+        ("down", np.float32),
+        ("inverse_length2", np.float32),
+        ("reach", np.float32),  # of its width where it begins, in the same subpixels; -1 if it is not seen
+        ("growth", np.float32),  # how much more half of its width is where it ends
+        ("spare", np.float32),
+    ]
+)
+"""An edge as a view sees it, cut by the planes (kernels/stages/wires.cl)."""
+
 SCREEN = np.dtype(
     [
         ("first_tile", np.uint32),  # of the batch, in the picture
@@ -176,6 +201,8 @@ STRUCTS = {
     "Material": MATERIAL,
     "Lighting": LIGHTING,
     "Lamp": LAMP,
+    "Wiring": WIRING,
+    "Wire": WIRE,
     "Screen": SCREEN,
 }
 """The structs by their names in OpenCL C. A field may be a struct that stands before."""

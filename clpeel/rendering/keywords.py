@@ -34,6 +34,16 @@ class Keywords(TypedDict, total=False):
     """Width of points in pixels, or in scene units, such as 0.01u."""
     point_type: Literal["sphere", "disc", "square"]
     """Points are discs that lights show as balls, discs, or squares."""
+    edges: bool
+    """Draw the edges of all faces."""
+    feature_edges: float | None
+    """Draw the edges where faces bend by more than this, and those of one face alone."""
+    silhouettes: bool
+    """Draw the outlines, where a surface hides what lies behind it."""
+    edge_color: tuple[float, float, float] | str
+    """Colour of edges and outlines (default: black)."""
+    edge_opacity: float
+    """Opacity of edges and outlines (default: 1)."""
     depth_format: Literal["float32-reversed", "float32", "unorm24", "rgba8"]
     """What is kept of depths (default: float32-reversed)."""
     precision: Literal["float32", "half", "unorm8"]

@@ -11,7 +11,7 @@ from clpeel.checks import MAX_SIDE, Background, GivenBackground, Rgb, checked_ba
 from clpeel.device.layout import MOST_WIDTH, DepthFormat, PointType
 from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.errors import InputError
-from clpeel.options import MEMORY, Kind, Options, not_negative, option
+from clpeel.options import COLOR, MEMORY, SHARE, Kind, Options, not_negative, option, read_numbers
 
 Size = tuple[int, int]
 Lighting = Literal["none", "headlight", "kit", "scene"]
@@ -48,6 +48,21 @@ def checked_layers(name: str, value: object) -> bool:
 
 def _checked_length(name: str, value: object) -> object:
     return checks.length(name, value, MOST_WIDTH)
+
+
+def _checked_angle(name: str, value: object) -> float:
+    found = checks.number(value)
+    if not 0 <= found <= 180:
+        raise InputError(f"{name}: expected degrees, 0..180, got {value!r}")
+    return found
+
+
+def _read_angle(text: str) -> float:
+    try:
+        (value,) = read_numbers(text)
+    except ValueError:
+        raise InputError(f"expected degrees, 0..180, got '{text}'") from None
+    return value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +120,15 @@ class PictureOptions(Options):
         3.0, Kind(_checked_length, metavar="W"), help="width of points in pixels, or in scene units, such as 0.01u"
     )
     point_type: PointType = option("sphere", help="points are discs that lights show as balls, discs, or squares")
+    edges: bool = option(False, help="draw the edges of all faces")
+    feature_edges: float | None = option(
+        None,
+        Kind(_checked_angle, _read_angle, "DEGREES"),
+        help="draw the edges where faces bend by more than this, and those of one face alone",
+    )
+    silhouettes: bool = option(False, help="draw the outlines, where a surface hides what lies behind it")
+    edge_color: Rgb | str = option("black", COLOR, help="colour of edges and outlines (default: black)")
+    edge_opacity: float = option(1.0, SHARE, help="opacity of edges and outlines (default: 1)")
     depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
 
     def check_together(self) -> None:

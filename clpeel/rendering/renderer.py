@@ -41,6 +41,7 @@ from clpeel.stages.projection import Triangles, project
 from clpeel.stages.shading import readable
 from clpeel.stages.tiles import AtTile, Drawn
 from clpeel.stages.upload import DeviceScene, upload, with_colors
+from clpeel.stages.wires import DeviceEdges, Wanted, Wired, edges_on_device
 from clpeel.techniques import ERROR_BOUND
 from clpeel.techniques.precision import blending_bound
 
@@ -89,6 +90,7 @@ class Renderer:
         self._uploaded: dict[_Kind, DeviceScene] = {}
         self._opacity: float | None = None
         self._faded: dict[_Kind, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
+        self._edges: dict[tuple[_Kind, int, Wanted], DeviceEdges] = {}  # those of `_uploaded`
         self._pictures: list[Picture] = []
         self._at_work: int | None = None  # the thread that is making a picture
         self._turn = Lock()
@@ -100,7 +102,7 @@ class Renderer:
         other = copy.copy(self)
         other.scene, other.gpu = scene, self.gpu.beside()
         other._uploaded, other._pictures, other._at_work, other._turn = {}, [], None, Lock()
-        other._lit, other._opacity, other._faded = None, None, {}
+        other._lit, other._opacity, other._faded, other._edges = None, None, {}, {}
         other._tests = False
         return other
 
@@ -254,7 +256,19 @@ class Renderer:
             marks=request.marks,
             lit=request.lit,
             pattern=request.picture.pattern,
+            wired=self._wired(scene, request),
         )
+
+    def _wired(self, scene: DeviceScene, request: Request) -> Wired | None:
+        """The edges that are drawn, if any are. The first request for them finds them, and puts them on the device."""
+        wires = request.wires
+        if wires is None:
+            return None
+        key = (_needs(request), self._shape(request)), len(scene.scene.vertices), wires.wanted
+        if key not in self._edges:
+            self._edges = {each: held for each, held in self._edges.items() if each[0] in self._uploaded}
+            self._edges[key] = edges_on_device(self.gpu, scene.scene, wires.wanted)
+        return Wired(self._edges[key], wires)
 
     def _picture(self, request: Request) -> Picture:
         """A picture to draw in. It is one of the last two, if nobody uses that one's arrays any more, or a new one."""
@@ -283,6 +297,7 @@ class Renderer:
             backfaces=request.backfaces,
             probes=request.picture.anisotropy,
             marks=request.marks,
+            wired=self._wired(scene, request),
         )
         layers = find_layers(self.gpu, scene, peeled, budget, request.report)
         seconds = stats.seconds

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
+from clpeel.checks import Rgb
 from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
@@ -16,6 +17,7 @@ from clpeel.scene.lights import KIT, Lamp
 from clpeel.scene.scene import Scene
 from clpeel.stages.outlines import Length, Marks
 from clpeel.stages.projection import Lit
+from clpeel.stages.wires import Wanted, Wires
 from clpeel.techniques import AUTO, TECHNIQUES, AnyTechnique, AutoOptions, option_names, options_class
 from clpeel.techniques import technique as technique_named
 from clpeel.techniques.precision import Blending
@@ -143,6 +145,16 @@ class Request:
     def marks(self) -> Marks:
         """How lines and points are drawn."""
         return marks_of(self.picture)
+
+    @property
+    def wires(self) -> Wires | None:
+        """How edges of faces are drawn, if any are. Techniques that measure solids draw none."""
+        picture = self.picture
+        wanted = Wanted(picture.edges, picture.feature_edges, picture.silhouettes)
+        if wanted == Wanted() or self.technique.measures_solids:
+            return None
+        color = cast(Rgb, picture.edge_color)  # as it is checked
+        return Wires(wanted, color, picture.edge_opacity, self.marks.line_width)
 
     @property
     def keep_coincident(self) -> bool:

@@ -71,9 +71,23 @@ NO_MATTER = ("scale_bar", "thickness_range", "sigma", "light_color")
 """Options of techniques that kernels do not see, or only as a number."""
 
 MARKS = ("line_width", "point_size", "point_type")
-"""Options of all pictures that say how lines and points are drawn. The known layers have none."""
+EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity")
+"""Options of all pictures that say how lines, points and edges are drawn. The known layers have none."""
 
-NOT_IN_TESTS = ("size", "background", "memory", "keep_color", "backface_type", "light_intensity", "lighting", *MARKS)
+NO_EDGES = 180.0
+"""No two faces bend by more degrees than this. So kernels for edges draw none of the known layers."""
+
+NOT_IN_TESTS = (
+    "size",
+    "background",
+    "memory",
+    "keep_color",
+    "backface_type",
+    "light_intensity",
+    "lighting",
+    *MARKS,
+    *EDGES,
+)
 """Options of all pictures that the test's picture has values of its own for."""
 
 IN_FEATURES = ("lighting", "highlights", "opaque", "depth_format", "layers", "anisotropy")
@@ -230,6 +244,8 @@ def _test_of(request: Request, triangles: Triangles, gpu: Workspace) -> _Test:
         "headlight" if features.headlight else "scene" if features.positioned else "kit" if features.lights else "none"
     )
     given = {**own, **shared, "background": BACKGROUNDS[kind], "lighting": lighting}
+    if features.wires:
+        given["feature_edges"] = NO_EDGES
     way = {} if kind == "colour" else {"background": kind}
     return _Test(
         parts=_parts(request, wanted, gpu, {**own, **shared, **way}),
@@ -308,6 +324,7 @@ def _of_materials(features: Features) -> list[str]:
         "hiding": features.hiding,
         "mip maps": features.levels,
         f"{features.probes} probes": features.probes > 1,
+        "edges": features.wires,
     }
     return [word for word, wanted in words.items() if wanted]
 

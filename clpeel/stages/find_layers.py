@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.device.layout import (
+    BAND_TRIANGLES,
     BLOCK,
     BLOCK_PIXELS,
     BLOCKS_A_ROW,
@@ -37,6 +38,7 @@ from clpeel.stages.outlines import Marks
 from clpeel.stages.projection import Lit, Triangles, project
 from clpeel.stages.upload import DeviceScene
 from clpeel.stages.windows import Fragments, rasterize
+from clpeel.stages.wires import Wired
 
 STAGE = "layers"
 
@@ -60,7 +62,7 @@ class Peeled:
     size: (width, height) in pixels. headlight: whether there is one. lit: other lights. front, back: how many
     transparent layers of a pixel are peeled from the front, and from the back. keep_coincident: peel all fragments of
     equal depth, instead of only the first submitted. opaque_first: whether a pixel's layers end with the first opaque
-    one. depth_format: one of DEPTH_FORMATS (layout.py). backfaces, probes, marks: as for `project`.
+    one. depth_format: one of DEPTH_FORMATS (layout.py). backfaces, probes, marks, wired: as for `project`.
     """
 
     camera: Camera
@@ -75,6 +77,7 @@ class Peeled:
     backfaces: str
     probes: int
     marks: Marks
+    wired: Wired | None = None
 
 
 @dataclass
@@ -114,6 +117,7 @@ def find_layers(
             probes=peeled.probes,
             lit=peeled.lit,
             marks=peeled.marks,
+            wired=peeled.wired,
         )
         features = triangles.features
         tiles = bin_triangles(gpu, triangles, budget.lists)
@@ -145,7 +149,7 @@ def _peel(gpu: Workspace, triangles: Triangles, batch: Batch, window: Fragments,
         spare=gpu.buffer("scratch", FRAGMENT_BYTES * window.count) if deep else None,
         colors=window.colors,
         sources=window.sources,
-        faces=triangles.scene.faces,
+        faces=triangles.face_corners,
         palette=triangles.scene.palette,
         pixel_end=window.pixel_end,
         tile_start=window.tile_start,
@@ -182,13 +186,21 @@ def _peel(gpu: Workspace, triangles: Triangles, batch: Batch, window: Fragments,
         count=count,
         color=colors[color_at],
         depth=_distances((fragments >> np.uint64(32)).astype(np.uint32), triangles),
-        triangle=_numbered(triangle.astype(np.int32), triangles.scene),
+        triangle=_numbered(triangle.astype(np.int32), triangles),
     )
 
 
-def _numbered(triangle: NDArray[np.int32], scene: DeviceScene) -> NDArray[np.int32]:
-    """The numbers of triangles, where those of lines and points become the numbers that these have behind the faces."""
+def _numbered(triangle: NDArray[np.int32], triangles: Triangles) -> NDArray[np.int32]:
+    """The numbers of triangles, where those of lines and points become the numbers that these have behind the faces.
+
+    Those of bands become faces that the edges belong to.
+    """
+    scene = triangles.scene
     faces = np.int32(len(scene.scene.faces))
+    if triangles.wired is not None and triangles.seen is not None and len(triangles.seen.chosen):
+        band = (triangle - scene.face_count) // BAND_TRIANGLES
+        of_band = triangles.wired.edges.first_faces[triangles.seen.chosen]
+        triangle = np.where(band < 0, triangle, of_band[np.maximum(band, 0)])
     if scene.outlines is None:
         return triangle
     return np.where(triangle < faces, triangle, faces + scene.outlines.marks_of(triangle - faces))

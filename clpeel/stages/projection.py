@@ -10,6 +10,8 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from clpeel.device.layout import (
+    BAND_CORNERS,
+    BAND_TRIANGLES,
     CLIP_TRIANGLES,
     DEPTH_FORMATS,
     FLOAT32_REVERSED,
@@ -29,6 +31,7 @@ from clpeel.scene.lights import Lamp
 from clpeel.stages.lighting import packed_lights, positioned
 from clpeel.stages.outlines import PLAIN_MARKS, Length, Marks
 from clpeel.stages.upload import DeviceScene
+from clpeel.stages.wires import NOTHING, Seen, Wired, see_edges
 
 STAGE = "projection"
 BOUNDS_BYTES = 8
@@ -56,7 +59,7 @@ class Triangles:
     Behind these records lie CLIP_TRIANGLES more for each clipped face. Records of opaque faces come first, if the scene
     has both kinds. Each kind is in submission order.
 
-    faces, listed, clipped, discarded: how many faces the scene has, with those of lines and points; how many have a
+    faces, listed, clipped, discarded: how many faces there are, with those of lines, points and bands; how many have a
     record; how many are clipped; and how many faces, lines and points are not finite. records: TRIANGLE [count].
     bounds: uint16 [count, 4], first and last pixel column, first and last row; where first > last there is nothing to
     draw. weights: float32 [count, 3, 3] where colours vary over a face, else None.
@@ -78,6 +81,8 @@ class Triangles:
     bounds: cl.Buffer
     weights: cl.Buffer | None
     lighting: cl.Buffer | None  # LIGHTING and LAMPs where lights fall on the scene
+    wired: Wired | None = None
+    seen: Seen | None = None  # the edges that are drawn
 
     @property
     def count(self) -> int:
@@ -88,7 +93,7 @@ class Triangles:
     def shading(self) -> Arguments:
         """The kernel arguments that determine the colour of a fragment."""
         return {
-            "faces": self.scene.faces,
+            "faces": self.face_corners,
             "palette": self.scene.palette,
             "normals": self.scene.normals,
             "weights": self.weights,
@@ -97,14 +102,21 @@ class Triangles:
             "materials": self.scene.materials,
             "textures": self.scene.textures,
             "lighting": self.lighting,
+            **(NOTHING if self.seen is None else self.seen.shading),
         }
+
+    @property
+    def face_corners(self) -> cl.Buffer:
+        """The vertices of all faces, uint32 [faces, 3]."""
+        return self.scene.faces if self.seen is None else self.seen.faces
 
     @property
     def nbytes(self) -> int:
         """Bytes of the vertices, lists and records on the device."""
         record = TRIANGLE.itemsize + BOUNDS_BYTES + (WEIGHTS_BYTES if self.weights is not None else 0)
         lists = STATE_BYTES * self.faces + LISTED_BYTES * (self.listed + self.clipped)
-        return VERTEX.itemsize * self.scene.vertex_count + lists + record * self.count
+        edges = 0 if self.wired is None or self.seen is None else self.wired.edges.nbytes + self.seen.nbytes
+        return VERTEX.itemsize * self.scene.vertex_count + lists + record * self.count + edges
 
 
 @dataclass(frozen=True)
@@ -178,6 +190,7 @@ def project(
     marks: Marks = PLAIN_MARKS,
     lit: Lit | None = None,
     pattern: Pattern = PATTERNS[1],
+    wired: Wired | None = None,
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height), in samples.
 
@@ -185,9 +198,21 @@ def project(
     without it all faces count as transparent. depth_format: one of DEPTH_FORMATS, how fragments keep their depths.
     backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", which draws all that are
     not single-sided. probes: the most samples of a texture along a pixel's longer side. marks: how lines and points are
-    drawn. lit: by what lights, if the scene was uploaded for lights. pattern: where a pixel's samples lie.
+    drawn. lit: by what lights, if the scene was uploaded for lights. pattern: where a pixel's samples lie. wired: which
+    edges of faces are drawn, if any.
     """
     surfaces = scene.surfaces if opaque_first else "transparent"
+    view = view_of(gpu, scene, camera, size, depth_format, pattern)
+    shared = Features(gpu.lanes)
+    vertices = _project_vertices(gpu, scene, view, shared)
+    places = _expand(gpu, scene, view, camera, marks, vertices)
+    seen = None
+    if wired is not None:
+        seen = _see_edges(gpu, scene, view, camera, wired, pattern, backfaces == "hidden", vertices)
+        vertices = seen.vertices
+        if seen.bands and surfaces == "opaque":
+            surfaces = "mixed"  # bands are not opaque at their rims
+    bands = 0 if seen is None else seen.bands
     features = Features(
         lanes=gpu.lanes,
         color_rate=scene.color_rate,
@@ -205,16 +230,19 @@ def project(
         levels=scene.shading.levels,
         probes=probes if scene.shading.levels else 1,
         pattern=pattern.word,
+        wires=wired is not None,
     )
-    view = view_of(gpu, scene, camera, size, depth_format, pattern)
-    vertices = _project_vertices(gpu, scene, view, features)
-    places = _expand(gpu, scene, view, camera, marks, vertices)
-    corners: Arguments = {"faces": scene.faces, "vertex_count": scene.vertex_count, "vertices": vertices}
+    corners: Arguments = {
+        "faces": scene.faces if seen is None else seen.faces,
+        "vertex_count": scene.vertex_count + BAND_CORNERS * bands,
+        "vertices": vertices,
+    }
     sides: Arguments = {
         "single_sided": {"default": scene.single_sided, "hidden": scene.of_faces}.get(backfaces),
         "all_single_sided": backfaces == "hidden" and scene.outlines is None,
     }
-    lists = _list_triangles(gpu, scene, view, features, {**corners, **sides})
+    face_count = scene.face_count + BAND_TRIANGLES * bands
+    lists = _list_triangles(gpu, scene, view, features, face_count, {**corners, **sides})
     outputs = _set_up(gpu, scene, view, features, corners, lists, sides, _places_of_lines(scene, places))
     direction = camera.axes()[2]
     lighting = None
@@ -230,7 +258,7 @@ def project(
         clipping=view.clipping,
         window=view.window,
         depth_scale=1.0 if camera.orthographic else 1 / (1 - view.clipping[0] / view.clipping[1]),
-        faces=scene.face_count,
+        faces=face_count,
         listed=lists.listed_count,
         clipped=lists.clipped_count,
         discarded=lists.discarded + (0 if scene.outlines is None else scene.outlines.not_finite),
@@ -238,6 +266,8 @@ def project(
         bounds=outputs["bounds"],
         weights=outputs["weights"],
         lighting=lighting,
+        wired=wired,
+        seen=seen,
     )
 
 
@@ -364,10 +394,39 @@ class _Lists:
         return {"listed": self.listed, "listed_count": self.listed_count, "opaque_count": self.opaque_count}
 
 
-def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Features, corners: Arguments) -> _Lists:
+def _see_edges(
+    gpu: Workspace,
+    scene: DeviceScene,
+    view: View,
+    camera: Camera,
+    wired: Wired,
+    pattern: Pattern,
+    one_sided: bool,
+    vertices: cl.Buffer,
+) -> Seen:
+    """Finds the edges that are drawn. one_sided: whether no face is seen from behind."""
+    flat, by_depth = wired.wires.width.half(camera, view.height, view.clipping[0])
+    return see_edges(
+        gpu,
+        setup_kernels(gpu, scene, "stages/wires.cl"),
+        wired,
+        STAGE,
+        widths={"half_width": flat, "half_by_depth": by_depth, "across": view.across},
+        margin=SUBPIXELS * pattern.rows / 2,
+        one_sided=one_sided,
+        points=view.points,
+        vertices=vertices,
+        faces=scene.faces,
+        vertex_count=scene.vertex_count,
+        face_count=scene.face_count,
+    )
+
+
+def _list_triangles(
+    gpu: Workspace, scene: DeviceScene, view: View, features: Features, face_count: int, corners: Arguments
+) -> _Lists:
     """Culls the faces, and lists the remaining ones, which may cover a sample. Opaque faces come first."""
     kernels = setup_kernels(gpu, scene)
-    face_count = scene.face_count
     states = gpu.buffer("states", face_count + PADDING)
     launch(
         gpu,
@@ -376,6 +435,7 @@ def _list_triangles(gpu: Workspace, scene: DeviceScene, view: View, features: Fe
         -(-face_count // features.wide),
         None,
         face_count=face_count,
+        first_band=scene.face_count,
         palette=(scene.opaque_faces or scene.palette) if features.surfaces == "mixed" else None,
         vertex_colors=scene.color_rate == "vertex" and scene.opaque_faces is None,
         packed=scene.packed_color or scene.opaque_faces is not None,
@@ -451,7 +511,7 @@ def _set_up(
             None,
             clipped=lists.clipped,
             clipped_count=lists.clipped_count,
-            faces=scene.faces,
+            faces=corners["faces"],
             perspective=view.perspective,
             **sides,
             **lists.arguments,

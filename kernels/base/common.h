@@ -387,6 +387,9 @@ INLINE uint corners_of(uint samples)
 #define CENTRE_Y(row)                                                                                           \
     (((row) & -SHOWN_ROWS) * (2 * PIXEL_STEPS) +                                                                \
      (SHOWN_ROWS * SUBPIXELS / 2 - FIRST_Y(PATTERN)) * 2 / STEP - 2 * QUARTERS_DOWN(PATTERN, 0))
+#else
+#define SHOWN_COLUMNS 1
+#define SHOWN_ROWS 1
 #endif
 
 #endif

@@ -40,14 +40,15 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette,
                  global const float *weights, global const float *normals, global const float *uv,
                  global const int *material_of, global const Material *materials, global const uint *textures,
-                 global const Lighting *lighting,
+                 global const Lighting *lighting, global const Wiring *wiring,
+                 global const uint *wire_lists, global const Wire *wires,
                  uint layers_before, uint rows, uint slab,
                  global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
                  int side_bits, global const float4 *background, int gradient, volatile global uint *clamped,
                  global uint *image, global float4 *color, global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
     local Colors layer[TILE_PIXELS / STRIP];
 #if VALUES
     local Found found[TILE_PIXELS / STRIP];

@@ -14,6 +14,7 @@
 
 #include "fragments/colors.h"
 #include "shading/lights.h"
+#include "shading/wires.h"
 
 // What the colours of a batch's fragments are computed from: as given (fragments/colors.h); where they vary over a face,
 // the corners' shares (stages/projection.h, store_weights), the normals and texture coordinates of vertices; and where
@@ -26,7 +27,24 @@ typedef struct {
     global const Material *materials;
     global const uint *textures;
     global const Lighting *lighting;
+    global const Wiring *wiring;
+    global const uint *wire_lists;
+    global const Wire *wires;
 } Shading;
+
+// Whether a face has edges that are drawn; and whether it is no face, but lies beside one and shows an edge alone.
+#if WIRES
+#define WIRES_OF(shading) ((Wires){(shading)->wiring, (shading)->wire_lists, (shading)->wires})
+INLINE bool wired_face(const Shading *shading, uint source)
+{
+    const Wires w = WIRES_OF(shading);
+    return has_wires(&w, source);
+}
+#define IS_BAND(shading, source) ((source) >= (shading)->wiring->first_band)
+#else
+#define wired_face(shading, source) false
+#define IS_BAND(shading, source) false
+#endif
 
 #define NORMALS (HEADLIGHT | LIGHTS)
 
@@ -90,6 +108,10 @@ INLINE void weights_at_centres(global const Triangle *t, int x, int y, int pixel
 typedef struct {
     float weight[9];
     float4 color[3];
+#if WIRES
+    uint source;
+    bool wired;  // whether edges are drawn on it
+#endif
 #if NORMALS
     float3 normal[3];
 #endif
@@ -147,6 +169,10 @@ INLINE bool shades_samples(const Face *f)
 INLINE void face_of(global const Triangle *t, uint record, const Shading *shading, Face *f)
 {
     uint source = t->source;
+#if WIRES
+    f->source = source, f->wired = wired_face(shading, source);
+    if (IS_BAND(shading, source)) source = 0;  // what a band would be without its edge does not show
+#endif
     uint3 vertex = load_face(shading->faces, source);
     UNROLL for (int k = 0; k < 9; ++k) f->weight[k] = shading->weights[9 * record + k];
 #if COLOR_RATE_VERTEX
@@ -199,6 +225,12 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 #endif
 }
 
+#if WIRES
+#define WIRED(face) ((face)->wired)
+#else
+#define WIRED(face) false
+#endif
+
 // Asks for what face_of will load for the records pairs[from] .. pairs[to - 1]. These lie all over memory, and each is
 // found by what was loaded before. So the loads of many records must overlap.
 INLINE void prefetch_faces(global const Triangle *triangles, global const uint *pairs, uint from, uint to, const Shading *shading)
@@ -250,7 +282,8 @@ INLINE void place_on_face(const Reals weight[3], const Face *f, OnFace *place)
 #endif
 }
 
-// Where SHADED pixels are seen, right and down from the image's centre, in subpixels. Only lights need to know.
+// Where SHADED pixels are seen, right and down from the image's centre, in subpixels. Only lights and edges need to
+// know.
 typedef struct { Reals x, y; } Sight;
 
 // From number `pixel` of a block on, at their samples, or at the centres of the picture's pixels that have them
@@ -258,7 +291,7 @@ typedef struct { Reals x, y; } Sight;
 INLINE Sight sight_of(bool samples, int column, int row, int pixel, int width, int height)
 {
     Sight sight;
-#if !LIGHTS
+#if !(LIGHTS | WIRES)
     sight.x = sight.y = (Reals)(0.0f);
 #else
 #if PATTERNED
@@ -708,9 +741,9 @@ INLINE void map_surface(const Face *f, const OnFace *place, const Shading *shadi
 }
 #endif
 
-// Colours of a face at SHADED pixels, of which those in `bits` are wanted. Returns which of these are there: where
-// texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side.
-INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, float3 view, const Sight *sight, uint bits,
+// Colours of a face without its edges at SHADED pixels, of which those in `bits` are wanted. Returns which of these are
+// there: where texels route, those whose alpha is not 0. colors: one for each pixel that is there, side by side.
+INLINE uint shade_face(const Face *f, const OnFace *place, const Shading *shading, float3 view, const Sight *sight, uint bits,
                   float4 colors[SHADED])
 {
     Light light = light_on(f, place, shading, view, sight);
@@ -743,6 +776,28 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
     return bits;
 }
 
+// The same with its edges.
+INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, float3 view, const Sight *sight, uint bits,
+                  float4 colors[SHADED])
+{
+#if WIRES
+    if (f->wired) {
+        const Wires w = WIRES_OF(shading);
+        if (IS_BAND(shading, f->source))
+            UNROLL for (int k = 0; k < SHADED; ++k) colors[k] = (float4)(0.0f);
+        else
+            bits = shade_face(f, place, shading, view, sight, bits, colors);
+        float unit = (float)(shades_samples(f) ? SUBPIXELS : SUBPIXELS * SHOWN_ROWS);
+        Reals covered = wires_over(&w, f->source, sight->x * ((float)SHOWN_ROWS / SHOWN_COLUMNS), sight->y, unit);
+        float4 *color = colors;
+        for (uint left = bits; left; left &= left - 1, ++color)
+            *color = with_wire(&w, *color, ONE_OF(float, covered, LOWEST_SHADED(left)));
+        return bits;
+    }
+#endif
+    return shade_face(f, place, shading, view, sight, bits, colors);
+}
+
 #if ROUTED
 // Which of a record's covered fragments are there (-1, else 0), by what its texels say. solid: whether opaque fragments
 // are wanted: then of records that are not OPAQUE those alone whose alpha is 1.
@@ -751,6 +806,7 @@ OUTLINE VECTOR(int) routed(global const Triangle *t, uint record, const VECTOR(f
 {
     uint all = BITS_OF(covered), kept = 0;
     bool whole = HIDING && solid && !(t->flags & OPAQUE);
+    if (IS_BAND(shading, t->source)) return whole ? (VECTOR(int))(0) : covered;
     int number = shading->material_of[t->source];
     uint flags = number < 0 ? 0 : MATERIAL_AT(shading, number)->flags;
     if (!(flags & ROUTED_BY_TEXELS)) return whole ? (VECTOR(int))(0) : covered;

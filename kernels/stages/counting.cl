@@ -21,11 +21,12 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
                          global const void *palette, global const float *weights, global const float *normals,
                          global const float *uv, global const int *material_of, global const Material *materials,
                          global const uint *textures,
-                        global const Lighting *lighting, global const uint *chosen,
+                        global const Lighting *lighting, global const Wiring *wiring,
+                 global const uint *wire_lists, global const Wire *wires, global const uint *chosen,
                          global uint *layers, global uint *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
     local uint taken, totals[COUNT_TOTALS];
     for (;;) {
         if (LANE == 0) {

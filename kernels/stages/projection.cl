@@ -108,7 +108,8 @@ OUTLINE Ints is_opaque(global const void *palette, int vertex_colors, int packed
     return opaque;
 }
 
-kernel void cull_triangles(global const uint *faces, uint face_count, uint vertex_count, global const Vertex *vertices,
+// first_band: the first face that is a band (stages/wires.cl): these are not opaque, and have two sides.
+kernel void cull_triangles(global const uint *faces, uint face_count, uint first_band, uint vertex_count, global const Vertex *vertices,
                            int width, int height, uint pattern, global const void *palette, int vertex_colors, int packed,
                            global const uchar *single_sided, int all_single_sided, global uchar *states)
 {
@@ -138,10 +139,15 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint verte
                   : drawn                             ? (Uints)(DRAWN)
                                                       : zero;
     Ints listed = (state == (Uints)(DRAWN)) | (state == (Uints)(CLIPPED));
-    if (palette) state |= is_opaque(palette, vertex_colors, packed, face, corner) & listed ? (Uints)(OPAQUE) : zero;
+    Ints band = face >= (Uints)(first_band);
+    if (palette) {
+        UNROLL for (int j = 0; j < 3; ++j) corner[j] = band ? zero : corner[j];
+        Ints opaque = is_opaque(palette, vertex_colors, packed, band ? zero : face, corner);
+        state |= opaque & listed & !band ? (Uints)(OPAQUE) : zero;
+    }
     // Corners that run clockwise show the face from behind. Of clipped faces each piece is examined (stages/clipping.cl).
     if (single_sided || all_single_sided) {
-        Ints behind = TO(Ints, area > (Longs)(0)) & ((state & (Uints)(DRAWN | CLIPPED | DISCARDED)) == (Uints)(DRAWN));
+        Ints behind = TO(Ints, area > (Longs)(0)) & !band & ((state & (Uints)(DRAWN | CLIPPED | DISCARDED)) == (Uints)(DRAWN));
         FOR_EACH_ELEMENT
             if (INT_OF(behind) && (all_single_sided || single_sided[INT_OF(face)])) ((uint *)&state)[k] = 0;
     }

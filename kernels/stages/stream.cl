@@ -20,11 +20,12 @@ kernel void draw_behind(global const Triangle *triangles, global const uint *pai
                         Screen screen, global const uint *faces, global const void *palette, global const float *weights,
                         global const float *normals, global const float *uv, global const int *material_of,
                         global const Material *materials, global const uint *textures,
-                        global const Lighting *lighting, global ulong *z_far,
+                        global const Lighting *lighting, global const Wiring *wiring,
+                 global const uint *wire_lists, global const Wire *wires, global ulong *z_far,
                         global Colors *behind, global uint *tile_samples)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
     local uint samples;
     uint tile = get_group_id(0);
     if (LANE == 0) samples = 0;
@@ -52,11 +53,12 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
                         global const uint *faces, global const void *palette, global const float *weights,
                         global const float *normals, global const float *uv, global const int *material_of,
                         global const Material *materials, global const uint *textures,
-                        global const Lighting *lighting, global ulong *fragments,
+                        global const Lighting *lighting, global const Wiring *wiring,
+                 global const uint *wire_lists, global const Wire *wires, global ulong *fragments,
                         global uint *pixels, global float4 *colors)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
     uint tile = first_tile + get_group_id(0);
     ENTER_TILE
     if (MIXED) list_begin = transparent_from(triangles, pairs, list_begin, list_end);

@@ -504,7 +504,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         place_on_face(to_shade_at, &face, &on_face);
         Sight sight = SIGHT(first, &face);
 #if PAINTED && LANES == 1
-        if (face.material && WAITS(face.material)) {
+        if (face.material && WAITS(face.material) && !WIRED(&face)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];
@@ -516,7 +516,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
             continue;
         }
 #endif
-#if PAINTED
+#if PAINTED | WIRES
         float4 colors_there[SHADED];
         uint seen = shade(&face, &on_face, shading, VIEW(batch), &sight, bits, colors_there);
         there &= ~((bits & ~seen) << first);

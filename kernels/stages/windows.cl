@@ -14,11 +14,12 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
                             global const float *weights, global const float *normals, global const float *uv,
                             global const int *material_of, global const Material *materials,
                             global const uint *textures,
-                        global const Lighting *lighting, global const ulong *z_far, global uint *pixel_end,
+                        global const Lighting *lighting, global const Wiring *wiring,
+                 global const uint *wire_lists, global const Wire *wires, global const ulong *z_far, global uint *pixel_end,
                             global uint2 *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
     ENTER_TILE
@@ -58,11 +59,12 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
                            global const float *weights, global const float *normals, global const float *uv,
                            global const int *material_of, global const Material *materials,
                            global const uint *textures,
-                        global const Lighting *lighting, global ulong *fragments,
+                        global const Lighting *lighting, global const Wiring *wiring,
+                 global const uint *wire_lists, global const Wire *wires, global ulong *fragments,
                            global float4 *colors, global uint *sources)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting}, *shading = &colored;
+    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
     uint tile = window_tile + get_group_id(0);
     const Layout lists = {1, capacity, 0};
     VECTOR(uint) next[STRIPS_A_LANE];
