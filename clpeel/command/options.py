@@ -14,7 +14,7 @@ from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
 
-EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity")
+EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity", "hidden_edges")
 """Options of all pictures that say which edges of faces are drawn, and how."""
 
 METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy")

@@ -136,7 +136,7 @@ class Layers:
         background: a colour, a pair (top, bottom), or None for straight alpha. If no layer is missing, the bits are
         those of `Result.image` by `sort` over the same background. Raises InputError if the background is invalid.
         """
-        return _shown(*self._blended(), background)
+        return over_background(*self._blended(), background)
 
     def picture(self, k: int, background: GivenBackground = (1, 1, 1), keep_alpha: bool = False) -> NDArray[np.uint8]:
         """Return the k-th layer alone, opaque, as in Figure 2 of Bavoil and Myers (2008): uint8 [height, width, 4].
@@ -146,7 +146,7 @@ class Layers:
         """
         color, _, triangle = self.layer(k)
         alpha = color[..., 3:] if keep_alpha else (triangle >= 0)[..., None].astype(np.float32)
-        return _shown(alpha * color[..., :3], np.float32(1) - alpha, background)
+        return over_background(alpha * color[..., :3], np.float32(1) - alpha, background)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write all layers as an .npz file for `load_layers`, whole or not at all.
@@ -160,7 +160,9 @@ class Layers:
         write_whole(path, lambda file: np.savez(file, format=np.int32(FORMAT), size=size, **arrays), ".npz")
 
 
-def _shown(rgb: NDArray[np.float32], through: NDArray[np.float32], background: GivenBackground) -> NDArray[np.uint8]:
+def over_background(
+    rgb: NDArray[np.float32], through: NDArray[np.float32], background: GivenBackground
+) -> NDArray[np.uint8]:
     """Return premultiplied colour [h, w, 3] and transmittance [h, w, 1] as a picture: uint8 [h, w, 4].
 
     The operations are those of composite.h, one by one.

@@ -169,7 +169,8 @@ def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budge
     held = triangles.scene.nbytes
     held += sum(int(buffer.size) for name, buffer in gpu.buffers.items() if name not in OWN_BUFFERS)
     choices = []
-    covering = request.lit is not None and request.lit.full_highlights  # a highlight may cover all
+    # A highlight may cover all, and so may an edge.
+    covering = features.wires or (request.lit is not None and request.lit.full_highlights)
     for technique, options in candidates(error, most_layers, 1.0 if covering else depths.most_alpha):
         if request.picture.layers and not technique.sorts:
             continue

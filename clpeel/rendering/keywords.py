@@ -44,6 +44,8 @@ class Keywords(TypedDict, total=False):
     """Colour of edges and outlines (default: black)."""
     edge_opacity: float
     """Opacity of edges and outlines (default: 1)."""
+    hidden_edges: float
+    """Opacity of edges and outlines that opaque surfaces hide, which shine through (default: 0)."""
     depth_format: Literal["float32-reversed", "float32", "unorm24", "rgba8"]
     """What is kept of depths (default: float32-reversed)."""
     precision: Literal["float32", "half", "unorm8"]

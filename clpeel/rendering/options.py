@@ -129,6 +129,9 @@ class PictureOptions(Options):
     silhouettes: bool = option(False, help="draw the outlines, where a surface hides what lies behind it")
     edge_color: Rgb | str = option("black", COLOR, help="colour of edges and outlines (default: black)")
     edge_opacity: float = option(1.0, SHARE, help="opacity of edges and outlines (default: 1)")
+    hidden_edges: float = option(
+        0.0, SHARE, help="opacity of edges and outlines that opaque surfaces hide, which shine through (default: 0)"
+    )
     depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
 
     def check_together(self) -> None:

@@ -24,6 +24,7 @@ from clpeel.pictures.layers import Layers
 from clpeel.rendering import self_test
 from clpeel.rendering.auto import Choice, capacity_of, chosen_for
 from clpeel.rendering.blank import why_blank
+from clpeel.rendering.hidden_edges import with_hidden_edges
 from clpeel.rendering.options import Lighting, Size
 from clpeel.rendering.request import Progress, Request
 from clpeel.rendering.result import Clock, Result, Stats, stats_of
@@ -183,6 +184,7 @@ class Renderer:
         drawn = [draw(frame, batch, request) for batch in batches]
         clamped_pixels = picture.fetch()
         finished = finish(request, picture, triangles, choice)
+        finished = with_hidden_edges(self.gpu, request, triangles, budget, finished)
         stats = stats_of(request, triangles, drawn, finished, clamped_pixels, picture, clock)
         stats = explained(stats, request, triangles, finished, choice)
         stats.notes.extend((*tested, *self._notes(request)))
@@ -266,13 +268,15 @@ class Renderer:
             return None
         key = (_needs(request), self._shape(request)), len(scene.scene.vertices), wires.wanted
         if key not in self._edges:
+            request.report(0.0, "finding edges")
             self._edges = {each: held for each, held in self._edges.items() if each[0] in self._uploaded}
             self._edges[key] = edges_on_device(self.gpu, scene.scene, wires.wanted)
         return Wired(self._edges[key], wires)
 
     def _picture(self, request: Request) -> Picture:
         """A picture to draw in. It is one of the last two, if nobody uses that one's arrays any more, or a new one."""
-        wanted = request.picture.size, request.picture.keep_color, request.values
+        shines_through = request.wires is not None and request.wires.hidden > 0
+        wanted = request.picture.size, request.picture.keep_color or shines_through, request.values
         self._pictures = [held for held in self._pictures if held.fits(*wanted)][-2:]
         for held in self._pictures:
             if held.is_free():

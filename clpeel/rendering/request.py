@@ -154,7 +154,8 @@ class Request:
         if wanted == Wanted() or self.technique.measures_solids:
             return None
         color = cast(Rgb, picture.edge_color)  # as it is checked
-        return Wires(wanted, color, picture.edge_opacity, self.marks.line_width)
+        hidden = picture.hidden_edges
+        return Wires(wanted, color, picture.edge_opacity, self.marks.line_width, hidden if self.opaque_first else 0.0)
 
     @property
     def keep_coincident(self) -> bool:

@@ -71,7 +71,7 @@ NO_MATTER = ("scale_bar", "thickness_range", "sigma", "light_color")
 """Options of techniques that kernels do not see, or only as a number."""
 
 MARKS = ("line_width", "point_size", "point_type")
-EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity")
+EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity", "hidden_edges")
 """Options of all pictures that say how lines, points and edges are drawn. The known layers have none."""
 
 NO_EDGES = 180.0

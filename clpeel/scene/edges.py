@@ -45,24 +45,23 @@ def edges_of(scene: Scene) -> Edges:
     corners = places[faces]
     whole = (corners != corners[:, [1, 2, 0]]).all(axis=1)
     used = np.flatnonzero(whole)
-    start, end = faces[used], faces[used][:, [1, 2, 0]]
+    start, end, apex = (faces[used][:, turn].reshape(-1) for turn in ([0, 1, 2], [1, 2, 0], [2, 0, 1]))
     low, high = np.minimum(places[start], places[end]), np.maximum(places[start], places[end])
-    keys = (low.astype(np.int64) * (len(vertices) + 1) + high).reshape(-1)
-    order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
-    first = np.flatnonzero(np.diff(ordered, prepend=-1))
-    count = np.diff(first, append=len(keys))
-    kind = np.empty(len(keys), np.int32)
-    kind[order] = np.repeat(np.arange(len(first), dtype=np.int32), count)
+    kinds, kind = np.unique(low.astype(np.int64) * len(vertices) + high, return_inverse=True)
     of_face = np.full(faces.shape, -1, np.int32)
     of_face[used] = kind.reshape(-1, 3)
-    one = order[first]  # a side of a face is its number among `used`, times 3, plus the corner that it begins at
-    other = order[np.minimum(first + 1, len(keys) - 1)] if len(keys) else one
-    apex = faces[used][:, [2, 0, 1]].reshape(-1)
-    ends = np.stack([start.reshape(-1)[one], end.reshape(-1)[one]], axis=1).astype(np.int32)
-    apexes = np.stack([apex[one], np.where(count > 1, apex[other], -1)], axis=1).astype(np.int32)
-    alike = places[start.reshape(-1)[one]] == places[start.reshape(-1)[other]]  # such faces wind in opposite ways
-    bend = _bend(vertices, faces[used], one // 3, other // 3, alike)
+    # A side of a face is its number among `used`, times 3, plus the corner that it begins at. Faces that lie where an
+    # earlier one lies add no sides to an edge: as a second skin, they are no reason to draw it.
+    earliest, _ = distinct(np.ascontiguousarray(np.sort(corners[used], axis=1).T.astype(np.float64)))
+    sides = (3 * np.sort(earliest)[:, None] + np.arange(3)).reshape(-1)
+    sides = sides[np.argsort(kind.reshape(-1)[sides], kind="stable")]
+    count = np.bincount(kind.reshape(-1)[sides], minlength=len(kinds))
+    first = np.cumsum(count) - count
+    one, other = sides[first], sides[np.minimum(first + 1, max(len(sides) - 1, 0))]
+    ends = np.stack([start[one], end[one]], axis=1)
+    apexes = np.stack([apex[one], np.where(count > 1, apex[other], -1)], axis=1)
+    alike = places[start[one]] == places[start[other]]
+    bend = _bend(vertices, faces[used], one // 3, other // 3, alike)  # such faces wind in opposite ways
     bend[count != 2] = math.pi
     two = np.stack([used[one // 3], np.where(count > 1, used[other // 3], -1)], axis=1).astype(np.int32)
     return Edges(ends, apexes, two, alike, of_face, places, bend)

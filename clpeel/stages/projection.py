@@ -210,7 +210,7 @@ def project(
     if wired is not None:
         seen = _see_edges(gpu, scene, view, camera, wired, pattern, backfaces == "hidden", vertices)
         vertices = seen.vertices
-        if seen.bands and surfaces == "opaque":
+        if surfaces == "opaque" and (seen.bands or seen.behind is not None):
             surfaces = "mixed"  # bands are not opaque at their rims
     bands = 0 if seen is None else seen.bands
     features = Features(
@@ -437,7 +437,7 @@ def _list_triangles(
         face_count=face_count,
         first_band=scene.face_count,
         palette=(scene.opaque_faces or scene.palette) if features.surfaces == "mixed" else None,
-        vertex_colors=scene.color_rate == "vertex" and scene.opaque_faces is None,
+        colors=1 if scene.opaque_faces is not None else {"scene": 0, "face": 1, "vertex": 3}[scene.color_rate],
         packed=scene.packed_color or scene.opaque_faces is not None,
         states=states,
         **corners,

@@ -33,12 +33,16 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Wires:
-    """How edges are drawn. color: sRGB, 0..1. opacity: 0..1. width: of their strokes."""
+    """How edges are drawn.
+
+    color: sRGB, 0..1. opacity: 0..1. width: of their strokes. hidden: the opacity of those behind opaque surfaces.
+    """
 
     wanted: Wanted
     color: Rgb
     opacity: float
     width: Length
+    hidden: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +50,9 @@ class DeviceEdges:
     """The edges of a scene that may be drawn, on the device.
 
     edges: int32 [e, 4], vertices at the ends and across (Edges). kinds: uint8 [e], WIRED | ... (layout.py). lists:
-    uint32, for each face where its edges begin behind these m + 1 numbers, and then the edges. places: uint32 [n].
-    around_starts, around: uint32, the edges that end at each place. first_faces: int32 [e], a face of each, on the
-    host. nbytes: of all on the device.
+    uint32, for each face where its edges begin behind these m + 1 numbers, and then the edges. faces_of: int32 [e], a
+    face of each; first_faces: the same, on the host. places: uint32 [n]. around_starts, around: uint32, the edges that
+    end at each place. nbytes: of all on the device.
     """
 
     count: int
@@ -57,6 +61,7 @@ class DeviceEdges:
     edges: cl.Buffer
     kinds: cl.Buffer
     lists: cl.Buffer
+    faces_of: cl.Buffer
     places: cl.Buffer
     around_starts: cl.Buffer
     around: cl.Buffer
@@ -70,13 +75,17 @@ def edges_on_device(gpu: Workspace, scene: Scene, wanted: Wanted) -> DeviceEdges
     wired = np.ones(len(found.ends), np.bool_) if wanted.all else np.zeros(len(found.ends), np.bool_)
     if wanted.angle is not None:
         wired |= found.features(wanted.angle)
-    kept = np.flatnonzero(wired | wanted.outlines)
-    number = np.full(len(found.ends) + 1, -1, np.int32)  # the last is for sides that are no edges
+    lists = _lists(found, wired, scene.faces)
+    struck = np.append(lists[1 : len(scene.faces) + 1] > lists[: len(scene.faces)], False)  # faces with strokes on them
+    kept = np.flatnonzero(wired | wanted.outlines | struck[found.faces].any(axis=1))
+    number = np.full(len(found.ends), -1, np.int32)
     number[kept] = np.arange(len(kept))
+    lists[len(scene.faces) + 1 :] = number[lists[len(scene.faces) + 1 :]]
     arrays = {
         "edges": np.concatenate([found.ends, found.apexes], axis=1)[kept],
         "kinds": _kinds(scene, found, wired)[kept],
-        "lists": _lists(found, wired, number, scene.faces),
+        "lists": lists,
+        "faces_of": found.faces[kept, 0],
         "places": found.places.astype(np.uint32),
     }
     arrays["around_starts"], arrays["around"] = _around(found.places[found.ends[kept]], len(found.places))
@@ -111,9 +120,7 @@ def _around(places: NDArray[np.int32], count: int) -> tuple[NDArray[np.uint32], 
     return starts, (np.argsort(at, kind="stable") // 2).astype(np.uint32)
 
 
-def _lists(
-    edges: Edges, wired: NDArray[np.bool_], number: NDArray[np.int32], faces: NDArray[np.int32]
-) -> NDArray[np.uint32]:
+def _lists(edges: Edges, wired: NDArray[np.bool_], faces: NDArray[np.int32]) -> NDArray[np.uint32]:
     """Return where the edges of each face begin in this very list, [m + 1], and then the edges.
 
     A face has its own, and those that end at a corner where not both of its own are drawn. Where both are, one of them
@@ -121,7 +128,7 @@ def _lists(
     """
     own = np.append(wired, False)[edges.of_face]  # -1, which is no edge, is not drawn
     face, side = np.nonzero(own)
-    owners, listed = [face], [number[edges.of_face[face, side]]]
+    owners, listed = [face], [edges.of_face[face, side]]
     drawn = np.flatnonzero(wired)
     starts, around = _around(edges.places[edges.ends[drawn]], len(edges.places))
     corner = edges.places[faces]
@@ -133,7 +140,7 @@ def _lists(
     touching, face = drawn[around[first + np.arange(int(each.sum()))]], np.repeat(face, each)
     foreign = (edges.of_face[face] != touching[:, None]).all(axis=1)
     owners.append(face[foreign])
-    listed.append(number[touching[foreign]])
+    listed.append(touching[foreign])
     owner, edge = np.concatenate(owners), np.concatenate(listed)
     order = np.argsort(owner, kind="stable")
     begin = np.zeros(len(faces) + 1, np.int64)
@@ -153,11 +160,13 @@ class Wired:
 class Seen:
     """The edges of a view: kernel arguments, and its triangles with those of bands.
 
-    shading: WIRING, the lists, and WIRE of all edges and bands. faces: uint32 [m, 3] of the scene with bands behind.
-    vertices: VERTEX of the scene with those of bands behind. chosen: the edge of each band, on the host.
+    shading: WIRING, the lists, and WIRE of all edges and bands. behind: the same for those that opaque surfaces hide;
+    None if these do not show. faces: uint32 [m, 3] of the scene with bands behind. vertices: VERTEX of the scene with
+    those of bands behind. chosen: the edge of each band, on the host.
     """
 
     shading: Arguments
+    behind: Arguments | None
     faces: cl.Buffer
     vertices: cl.Buffer
     chosen: NDArray[np.uint32]
@@ -208,7 +217,6 @@ def see_edges(
         None,
         edge_count=edges.count,
         kinds=edges.kinds,
-        outlines=edges.outlines,
         one_sided=one_sided,
         half_width=widths["half_width"],
         half_by_depth=widths["half_by_depth"],
@@ -234,6 +242,9 @@ def see_edges(
             chosen=gpu.put("banded_edges", chosen),
             band_count=bands,
             sides=sides,
+            kinds=edges.kinds,
+            outlines=edges.outlines,
+            faces_of=edges.faces_of,
             places=edges.places,
             around_starts=edges.around_starts,
             around=edges.around,
@@ -247,10 +258,14 @@ def see_edges(
             **own,
         )
     wiring = np.zeros(1, WIRING)
-    wiring["color"], wiring["first_band"] = (*wires.color, wires.opacity), face_count
-    wiring["bands"], wiring["faces"] = edges.count, edges.faces
-    shading = {"wiring": gpu.put("wiring", wiring), "wire_lists": edges.lists, "wires": seen}
-    return Seen(shading, faces, vertices, chosen)
+    wiring["first_band"], wiring["bands"], wiring["faces"] = face_count, edges.count, edges.faces
+
+    def shading(name: str, opacity: float) -> Arguments:
+        wiring["color"] = (*wires.color, opacity)
+        return {"wiring": gpu.put(name, wiring), "wire_lists": edges.lists, "wires": seen}
+
+    behind = shading("wiring_behind", wires.hidden) if wires.hidden else None
+    return Seen(shading("wiring", wires.opacity), behind, faces, vertices, chosen)
 
 
 def _longer(gpu: Workspace, name: str, held: cl.Buffer, nbytes: int, more: int) -> cl.Buffer:

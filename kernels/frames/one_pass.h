@@ -81,8 +81,12 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         Colors behind[KEPT_STRIPS];
 #endif
         if (MIXED && wanted) {
-            begin = transparent_from(triangles, pairs, begin, end);
-            uint samples = draw_opaque(batch, shading, tile, begin, z_far, behind);
+            uint transparent = transparent_from(triangles, pairs, begin, end);
+            uint samples = draw_opaque(batch, shading, tile, transparent, z_far, behind);
+            if (!BEHIND) begin = transparent;
+#if BEHIND
+            for (uint own = 0; own < STRIPS_A_LANE; ++own) behind[LANES == 1 ? own : own * LANES + lane] = clear;
+#endif
             atomic_add(&solid, samples);
         }
         bool empty = begin == end;

@@ -225,6 +225,11 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 #endif
 }
 
+// Whether nothing is drawn but edges behind opaque surfaces (clpeel/rendering/hidden_edges.py).
+#ifndef BEHIND
+#define BEHIND 0
+#endif
+
 #if WIRES
 #define WIRED(face) ((face)->wired)
 #else
@@ -783,7 +788,7 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
 #if WIRES
     if (f->wired) {
         const Wires w = WIRES_OF(shading);
-        if (IS_BAND(shading, f->source))
+        if (BEHIND || IS_BAND(shading, f->source))
             UNROLL for (int k = 0; k < SHADED; ++k) colors[k] = (float4)(0.0f);
         else
             bits = shade_face(f, place, shading, view, sight, bits, colors);

@@ -3,7 +3,7 @@
 // any number of samples (Baerentzen, Nielsen, Gjol, Larsen and Christensen 2006, "Single-pass Wireframe Rendering").
 //
 // A face has a list of edges: its own, and those that end at its corners, as a stroke may reach over a narrow face. Where
-// no surface lies beside an edge, the triangles of a band do (stages/wires.cl), which show nothing but one edge.
+// no surface lies beside an edge, the triangles of a band do (stages/wires.cl), which show nothing but strokes.
 #ifndef WIRES_H
 #define WIRES_H
 
@@ -36,16 +36,18 @@ INLINE Reals wire_over(global const Wire *w, Reals x, Reals y, float unit)
     return stroke_over(square_root(right * right + down * down), w->reach + along * w->growth, unit);
 }
 
-// How much of these places the edges of a face cover: the one that covers most of each.
+// How much of these places the edges of a face cover: the one that covers most of each. A stroke of width below 0 covers
+// nothing.
 INLINE Reals wires_over(const Wires *w, uint source, Reals x, Reals y, float unit)
 {
     global const Wiring *wiring = w->wiring;
-    if (is_band(w, source)) {
-        uint band = (source - wiring->first_band) / BAND_TRIANGLES;
-        return wire_over(w->wires + wiring->bands + band, x, y, unit);
-    }
     Reals most = (Reals)(0.0f);
-    for (uint k = w->lists[source]; k < w->lists[source + 1]; ++k) {
+    uint face = source;
+    if (is_band(w, source)) {
+        global const Wire *own = w->wires + wiring->bands + (source - wiring->first_band) / BAND_TRIANGLES;
+        most = wire_over(own, x, y, unit), face = own->face;
+    }
+    for (uint k = w->lists[face]; k < w->lists[face + 1]; ++k) {
         Reals covered = wire_over(w->wires + w->lists[k], x, y, unit);
         most = MAX(most, covered);
     }

@@ -95,13 +95,14 @@ OUTLINE Ints covers_a_sample(const Ints *x, const Ints *y, Ints flip, const Reac
 // A field of vertices. A vertex is three times two numbers long, and GATHER takes steps of two.
 #define VERTEX_FIELD(name, at) GATHER(&vertices->name, 2, 3 * (at))
 
-// Whether all alphas of faces are one. vertex_colors: the palette has the colours of vertices, instead of faces. packed:
-// it has 4 bytes for each, instead of 4 floats. vertex: the vertices at the faces' corners.
-OUTLINE Ints is_opaque(global const void *palette, int vertex_colors, int packed, Uints face, const Uints *vertex)
+// Whether all alphas of faces are one. colors: of which the palette has the colours, of all faces together (0), of each face
+// (1), or of each vertex (3). packed: it has 4 bytes for each, instead of 4 floats. vertex: the vertices at the faces'
+// corners.
+OUTLINE Ints is_opaque(global const void *palette, int colors, int packed, Uints face, const Uints *vertex)
 {
     Ints opaque = (Ints)(-1);
-    PLAIN_LOOP for (int j = 0; j < (vertex_colors ? 3 : 1); ++j) {
-        Uints place = vertex_colors ? vertex[j] : face;
+    PLAIN_LOOP for (int j = 0; j < MAX(colors, 1); ++j) {
+        Uints place = colors == 3 ? vertex[j] : colors == 1 ? face : (Uints)(0);
         if (packed) opaque &= GATHER(palette, 1, place) >> (Uints)(24) == (Uints)(255);
         else opaque &= AS_FLOATS(GATHER((global const float *)palette + 3, 2, 2 * place)) == (Floats)(1.0f);
     }
@@ -110,7 +111,7 @@ OUTLINE Ints is_opaque(global const void *palette, int vertex_colors, int packed
 
 // first_band: the first face that is a band (stages/wires.cl): these are not opaque, and have two sides.
 kernel void cull_triangles(global const uint *faces, uint face_count, uint first_band, uint vertex_count, global const Vertex *vertices,
-                           int width, int height, uint pattern, global const void *palette, int vertex_colors, int packed,
+                           int width, int height, uint pattern, global const void *palette, int colors, int packed,
                            global const uchar *single_sided, int all_single_sided, global uchar *states)
 {
     uint first = get_global_id(0) * WIDE;
@@ -142,7 +143,7 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint first
     Ints band = face >= (Uints)(first_band);
     if (palette) {
         UNROLL for (int j = 0; j < 3; ++j) corner[j] = band ? zero : corner[j];
-        Ints opaque = is_opaque(palette, vertex_colors, packed, band ? zero : face, corner);
+        Ints opaque = is_opaque(palette, colors, packed, band ? zero : face, corner);
         state |= opaque & listed & !band ? (Uints)(OPAQUE) : zero;
     }
     // Corners that run clockwise show the face from behind. Of clipped faces each piece is examined (stages/clipping.cl).

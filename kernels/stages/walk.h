@@ -447,7 +447,7 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
 typedef struct { uint step, room, strip_room; } Layout;
 
 // Emits the fragments of a tile's records, from place `begin` of `pairs` on, in these blocks (a bit each). If surfaces
-// are MIXED, only those in front of z_far are emitted (stages/opaque.h). At the end each `next` is what it would be
+// are MIXED, only those in front of z_far are emitted (stages/opaque.h); with BEHIND, those of edges behind it. At the end each `next` is what it would be
 // with room for all, so it tells how many fragments there are. sources: where fragments have colours of their own,
 // receives their faces; NULL if nobody wants them.
 //
@@ -475,7 +475,8 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
     VISITS(blocks)
     VECTOR(ulong) value = CONVERT(ulong, STRIP, keys_of(t, weight, batch->screen.depth_scale)) << (VECTOR(ulong))(32);
 #if MIXED
-    covered &= CONVERT(int, STRIP, (value | (VECTOR(ulong))((ulong)t->source)) < z_far[OWN(block) * LANES + lane]);
+    VECTOR(ulong) submitted = value | (VECTOR(ulong))((ulong)t->source), far = z_far[OWN(block) * LANES + lane];
+    covered &= CONVERT(int, STRIP, BEHIND ? submitted > far : submitted < far);
 #endif
     VECTOR(uint) *places = next + OWN(block);
     uint strip_start = (uint)(OWN(block) * LANES + lane) * layout->strip_room;
@@ -486,6 +487,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         prefetch_faces(batch->triangles, batch->pairs, place, asked_for, shading);
     }
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
+    if (BEHIND && !WIRED(&face)) continue;
     VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
     uint fits = BITS_OF(*places < (VECTOR(uint))(layout->room));
 #if PATTERNED && LANES == 1

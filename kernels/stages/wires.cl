@@ -3,8 +3,8 @@
 //   see_edges      an edge a work-item: cuts it, and finds whether it has a surface on one of its sides alone
 //   expand_bands   such an edge a work-item: writes the triangles of a band on its other side
 //
-// An edge is drawn on its faces, up to half its width away from it. Where all of its faces lie on one side of it, as at
-// an outline, or there is but one, its other half is a band of triangles, behind all others:
+// An edge is drawn on its faces, up to half its width away from it. Where all faces of an edge lie on one side of it, as at
+// an outline, or there is but one, strokes end there. So a band of triangles, behind all others, takes them on:
 //
 //     tip --- out ------------- out --- tip       The ends are the edge's own vertices, so band and face share the edge
 //        \     |                 |     /          as two faces do. At an end where one other band begins, both end at the
@@ -33,10 +33,10 @@ INLINE int side_of(const Vertex *a, const Vertex *b, const Vertex *apex, const P
 }
 
 // edges: for each edge the vertices at its ends, and those across from it of its faces; negative if there is no such face.
-// kinds: WIRED | ... (clpeel/device/layout.py). outlines: whether edges that are not WIRED have bands, too, which are twice
-// as wide, as nothing of these is drawn on faces. one_sided: whether no face is seen from behind. sides: for each edge on
-// which side of it a band is wanted, 1 or -1, as above; 0 if on none.
-kernel void see_edges(global const int4 *edges, uint edge_count, global const uchar *kinds, int outlines, int one_sided,
+// kinds: WIRED | ... (clpeel/device/layout.py). one_sided: whether no face is seen from behind. wires: receives where each
+// edge is. Strokes of edges that are not WIRED have twice the width, as they are drawn on bands alone. sides: for each edge
+// on which side of it a band is wanted, 1 or -1, as above; 0 if on none.
+kernel void see_edges(global const int4 *edges, uint edge_count, global const uchar *kinds, int one_sided,
                       global const float *positions, global const float *low_positions, global const float *matrix,
                       float depth_near, float depth_far, float half_width, float half_by_depth, float across,
                       global const Vertex *vertices, global Wire *wires, global char *sides)
@@ -50,7 +50,7 @@ kernel void see_edges(global const int4 *edges, uint edge_count, global const uc
     Segment segment;
     Place at[2];
     Way way = {0.0f, 0.0f, 0.0f};
-    Wire wire = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, -1.0f, 0.0f, 0.0f};
+    Wire wire = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, -1.0f, 0.0f, 0};
     sides[id] = 0;
     wires[id] = wire;
     if ((a.outcode | b.outcode) & NOT_FINITE || a.outcode & b.outcode) return;
@@ -79,7 +79,6 @@ kernel void see_edges(global const int4 *edges, uint edge_count, global const uc
     wire.growth = MIN(half_width + half_by_depth * at[1].depth, most) - wire.reach;
     if (!(kind & WIRED)) wire.reach *= 2.0f, wire.growth *= 2.0f;
     wires[id] = wire;
-    if (!(kind & WIRED) && !outlines) return;
     int found[2] = {0, 0}, apexes[2] = {edge.z, edge.w};
     for (int k = 0; k < 2; ++k) {
         if (apexes[k] < 0) continue;
@@ -127,11 +126,12 @@ INLINE BandEnd band_end(const Way *way, float n_x, float n_y, float width, const
     return end;
 }
 
-// chosen: the edges that have bands. margin: how much wider than seen a band is, in subpixels, so that its rim can be
+// chosen: the edges that have bands. outlines: whether edges that are not WIRED are drawn. faces_of: a face of each edge. margin: how much wider than seen a band is, in subpixels, so that its rim can be
 // smooth. places: for each vertex the same number as for all others at its place. around_starts, around: the edges that
 // end at each place. band_wires: receives the wires of bands. faces: receives their triangles, from first_face on.
 // vertices: receives their corners, from first_vertex on.
 kernel void expand_bands(global const uint *chosen, uint band_count, global const int4 *edges, global const char *sides,
+                         global const uchar *kinds, int outlines, global const uint *faces_of,
                          global const uint *places, global const uint *around_starts, global const uint *around,
                          global const float *positions, global const float *low_positions, global const float *matrix,
                          float depth_near, float depth_far, float across, float margin, uint first_vertex, uint first_face,
@@ -142,7 +142,11 @@ kernel void expand_bands(global const uint *chosen, uint band_count, global cons
     const DepthRange range = {depth_near, depth_far};
     uint number = chosen[id];
     Wire wire = wires[number];
-    wires[first_wire + id] = wire;
+    if (!(kinds[number] & WIRED) && !outlines) wire.reach *= 0.5f, wire.growth *= 0.5f;
+    Wire shown = wire;
+    shown.face = faces_of[number];
+    if (!(kinds[number] & WIRED) && !outlines) shown.reach = -1.0f, shown.growth = 0.0f;
+    wires[first_wire + id] = shown;
     int4 edge = edges[number];
     int vertex[2] = {edge.x, edge.y};
     uint first = first_vertex + BAND_CORNERS * id;
