@@ -68,13 +68,14 @@ class _Faces:
     """The triangles of a file, in its order.
 
     vertex, uv, normal: of each triangle's corner, counted from 0, int64 [3 m]; -1 where it has no uv or normal.
-    line: where each triangle stands in the file, int64 [m].
+    line: where each triangle stands in the file, int64 [m]. polygon: the face of the file that it is of, int64 [m].
     """
 
     vertex: Places
     uv: Places
     normal: Places
     line: Places
+    polygon: Places
 
     @staticmethod
     def of(lines: Lines, notes: list[str]) -> _Faces:
@@ -92,7 +93,7 @@ class _Faces:
             own = lines.beginning_with(word)
             absolute = _absolute(given[:, column], own, where, counts, "faces" if word == b"v" else None)
             found.append(absolute[corner])
-        return _Faces(found[0], found[1], found[2], np.asarray(line))
+        return _Faces(found[0], found[1], found[2], np.asarray(line), face)
 
 
 def _absolute(index: Places, own: Places, where: Places, counts: Places, name: str | None) -> Places:
@@ -289,7 +290,7 @@ def _assembled(lines: Lines, faces: _Faces, surface: _Surface, notes: list[str])
         notes.append(f"vertex colours left out: {np.count_nonzero(textured):,} face(s) have a texture instead")
     if materials:
         fields |= {"materials": materials, "face_materials": surface.of_faces}
-    return Scene.from_arrays(points[source, :3], index.reshape(-1, 3), **fields)
+    return Scene.from_arrays(points[source, :3], index.reshape(-1, 3), polygons=faces.polygon, **fields)
 
 
 def _alike(colors: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

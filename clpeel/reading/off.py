@@ -49,12 +49,12 @@ def off(data: bytes, _: Companions) -> Scene:
         raise InputError(f"expected triangles, got {got}; the mesh is empty")
     notes = list[str]()
     points, fields = _points(lines, rows[1 : 1 + vertices], head, notes)
-    triangles, colors = _faces(lines, rows[1 + vertices : 1 + vertices + faces], notes)
+    triangles, polygons, colors = _faces(lines, rows[1 + vertices : 1 + vertices + faces], notes)
     if colors is not None and "vertex_colors" in fields:
         notes.append("face colours left out: the vertices have their own")
     elif colors is not None:
         fields["face_colors"] = colors
-    return replace(Scene.from_arrays(points, triangles, **fields), notes=tuple(notes))
+    return replace(Scene.from_arrays(points, triangles, polygons=polygons, **fields), notes=tuple(notes))
 
 
 def _points(
@@ -80,8 +80,8 @@ def _points(
     return table[:, :3], fields
 
 
-def _faces(lines: Lines, rows: Places, notes: list[str]) -> tuple[Places, Colors | None]:
-    """Return the triangles [m, 3] and their colours [m, 4], if the file has any."""
+def _faces(lines: Lines, rows: Places, notes: list[str]) -> tuple[Places, Places, Colors | None]:
+    """Return the triangles [m, 3], the faces that they are of [m], and their colours [m, 4], if the file has any."""
     values, widths = lines.numbers(rows), lines.counts[rows]
     begin = np.cumsum(widths) - widths
     corners = values[begin].astype(np.int64)
@@ -105,12 +105,12 @@ def _faces(lines: Lines, rows: Places, notes: list[str]) -> tuple[Places, Colors
         notes.append(f"colours of {indexed:,} face(s) left out: they are numbers of a table that the file lacks")
     colored = extra >= 3
     if not colored.any():
-        return triangles, None
+        return triangles, of_face, None
     colors = np.full((len(rows), 4), np.nan)
     for column in range(4):
         has = colored & (extra > column)
         colors[has, column] = values[(begin + 1 + corners)[has] + column]
-    return triangles, _as_colors(colors)[of_face]
+    return triangles, of_face, _as_colors(colors)[of_face]
 
 
 def _as_colors(values: NDArray[np.float64]) -> Colors:

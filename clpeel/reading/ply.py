@@ -63,7 +63,9 @@ def ply(data: bytes, companions: Companions) -> Scene:
         return replace(drawn, notes=tuple(notes))
     fields: dict[str, Any] = {"vertex_normals": normals}
     fields |= _colors(vertex, face, of_face, len(strips), notes)
-    scene = Scene.from_arrays(points, faces, **fields)
+    last = int(of_face.max(initial=-1)) + 1
+    of_polygon = np.append(of_face, last + np.arange(len(strips)))
+    scene = Scene.from_arrays(points, faces, polygons=of_polygon, **fields)
     if textures:
         scene = _textured(
             scene,
@@ -239,6 +241,7 @@ def _textured(
         materials=[replace(material, rgb_of_scene=False, alpha_of_scene=False) for material in materials],
         face_materials=of_faces,
         uv=flat * [1, -1] + [0, 1],
+        polygons=scene.polygons,
     )
     return made
 

@@ -94,6 +94,17 @@ def checked_flags(name: str, value: ArrayLike, count: int) -> NDArray[np.bool_]:
     return np.ascontiguousarray(np.broadcast_to(array, (count,)))
 
 
+def checked_polygons(value: ArrayLike, count: int) -> NDArray[np.int32] | None:
+    """Return the polygon of each face, int32 [count], counted from 0; None if each has its own. Raises InputError."""
+    array = _array("polygons", value)
+    if array.shape != (count,) or array.dtype.kind not in "iu":
+        raise InputError(f"polygons: expected [{count}] integers, got {_described(array)}")
+    if (array[1:] > array[:-1]).all():
+        return None
+    kinds, kind = np.unique(array, return_inverse=True)
+    return None if len(kinds) == count else kind.reshape(-1).astype(np.int32)
+
+
 def checked_color(name: str, value: ArrayLike) -> Colors:
     """Return one colour as uint8 or float32: [3], or [4] if it has an alpha. Raises InputError.
 

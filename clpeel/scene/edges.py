@@ -20,8 +20,9 @@ class Edges:
     is no second one. apexes: int32 [e, 2], the vertices of these across from it, or -1. alike: bool [e], whether the
     second face runs along the edge in the direction of `ends`, as the first does; not so in meshes that wind one way.
     of_face: int32 [m, 3], the edges from each corner of a face to the next one, -1 in faces without extent, which have
-    none. places: int32 [n], the same number for all vertices at one place. bend: float32 [e], radians, the angle
-    between the normals of the two faces that meet there; pi where it is not two that meet; 0 if one has no normal.
+    none. places: int32 [n], the same number for all vertices at one place. inner: bool [e], whether both faces are of
+    one polygon (Scene.polygons), so that it is no edge of that. bend: float32 [e], radians, the angle between the
+    normals of the two faces that meet there; pi where it is not two that meet; 0 if one has no normal.
     """
 
     ends: NDArray[np.int32]
@@ -30,11 +31,12 @@ class Edges:
     alike: NDArray[np.bool_]
     of_face: NDArray[np.int32]
     places: NDArray[np.int32]
+    inner: NDArray[np.bool_]
     bend: NDArray[np.float32]
 
     def features(self, angle: float) -> NDArray[np.bool_]:
         """Return which edges are features, bool [e]: their faces bend by more than so many degrees, or are not two."""
-        return self.bend > np.float32(math.radians(angle))
+        return (self.bend > np.float32(math.radians(angle))) & ~self.inner
 
 
 def edges_of(scene: Scene) -> Edges:
@@ -64,7 +66,10 @@ def edges_of(scene: Scene) -> Edges:
     bend = _bend(vertices, faces[used], one // 3, other // 3, alike)  # such faces wind in opposite ways
     bend[count != 2] = math.pi
     two = np.stack([used[one // 3], np.where(count > 1, used[other // 3], -1)], axis=1).astype(np.int32)
-    return Edges(ends, apexes, two, alike, of_face, places, bend)
+    inner = np.zeros(len(ends), np.bool_)
+    if scene.polygons is not None:
+        inner = (count == 2) & (scene.polygons[two[:, 0]] == scene.polygons[two[:, 1]])
+    return Edges(ends, apexes, two, alike, of_face, places, inner, bend)
 
 
 def _bend(

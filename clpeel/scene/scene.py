@@ -25,6 +25,7 @@ from clpeel.scene.arrays import (
     checked_indices,
     checked_normals,
     checked_opacity,
+    checked_polygons,
     checked_uv,
     checked_vertices,
     counted_alphas,
@@ -77,6 +78,8 @@ class Scene:
     None if no material has a texture. more_uv: further ones, which textures of materials' lights name by number.
     single_sided: bool [m], faces that are seen from their front alone, from where their corners run counterclockwise.
     None if there are none.
+    polygons: int32 [m], the same number for the triangles that one polygon of the file became; None if all faces are
+    triangles. What lies between them is no edge of the polygon, so it is not drawn as one.
     lights: the scene's own (lights.py), for render(lighting="scene").
     lines: int32 [k, 2], indices into vertices, a line segment each. points: int32 [p], indices into vertices. Either is
     None if there are none. They are drawn behind the faces in submission order, lines first. They have no material, and
@@ -95,6 +98,7 @@ class Scene:
     uv: NDArray[np.float32] | None = None
     more_uv: tuple[NDArray[np.float32], ...] = ()
     single_sided: NDArray[np.bool_] | None = None
+    polygons: NDArray[np.int32] | None = None
     lights: tuple[Lamp, ...] = ()
     lines: NDArray[np.int32] | None = None
     points: NDArray[np.int32] | None = None
@@ -115,6 +119,7 @@ class Scene:
         uv: ArrayLike | None = None,
         more_uv: Sequence[ArrayLike] = (),
         single_sided: ArrayLike | None = None,
+        polygons: ArrayLike | None = None,
         lights: Sequence[Lamp] = (),
         lines: ArrayLike | None = None,
         points: ArrayLike | None = None,
@@ -133,6 +138,7 @@ class Scene:
         uv: [n, 2] texture coordinates, where (0, 0) is the upper left corner of an image. They are needed if a material
         has a texture. more_uv: further ones, [n, 2] each, for textures of lights that name them (materials.Finish).
         single_sided: [m] booleans, or one: faces that are seen from their front alone.
+        polygons: [m] integers, the same for all triangles of one polygon, which has no edges between these.
         Lines and points have the colours of their vertices, or `color`. With face_colors they have DEFAULT_COLOR.
 
         Raises InputError, which names the argument, what was expected and what was given.
@@ -174,6 +180,7 @@ class Scene:
             uv=None if uv is None else checked_uv("uv", uv, len(places)),
             more_uv=tuple(checked_uv("more_uv", each, len(places)) for each in more_uv),
             single_sided=None if single_sided is None else checked_flags("single_sided", single_sided, len(triangles)),
+            polygons=None if polygons is None else checked_polygons(polygons, len(triangles)),
             lights=checked_lights(lights),
         )
         if segments is not None or dots is not None:
@@ -384,6 +391,12 @@ def joined(scenes: Sequence[Scene]) -> Scene:
     if any(scene.single_sided is not None for scene in scenes):
         parts = [np.zeros(len(s.faces), bool) if s.single_sided is None else s.single_sided for s in scenes]
         single_sided = np.concatenate(parts)
+    polygons = None
+    if any(scene.polygons is not None for scene in scenes):
+        several = [np.arange(len(s.faces)) if s.polygons is None else s.polygons for s in scenes]
+        before = np.cumsum([0, *(int(part.max(initial=-1)) + 1 for part in several)])
+        parts = [part + start for part, start in zip(several, before, strict=False)]
+        polygons = checked_polygons(np.concatenate(parts), sum(map(len, parts)))
     vertices = np.concatenate([scene.vertices for scene in scenes])
     faces = np.concatenate([scene.faces + np.int32(start) for scene, start in zip(scenes, starts, strict=False)])
     materials, face_materials = _joined_materials(scenes)
@@ -399,6 +412,7 @@ def joined(scenes: Sequence[Scene]) -> Scene:
         uv=uv[0] if uv else None,
         more_uv=uv[1:],
         single_sided=single_sided,
+        polygons=polygons,
         lights=tuple(light for scene in scenes for light in scene.lights),
         notes=notes,
         **colors,
@@ -491,7 +505,7 @@ def faces_alone(scene: Scene) -> Scene:
 
 def without_faces(scene: Scene, places: NDArray[Any]) -> Scene:
     """Return the scene without the faces at these places. Its vertices stay."""
-    names = ("faces", "face_colors", "face_materials", "single_sided")
+    names = ("faces", "face_colors", "face_materials", "single_sided", "polygons")
     kept = {name: getattr(scene, name) for name in names if getattr(scene, name) is not None}
     return replace(scene, **{name: np.delete(array, places, axis=0) for name, array in kept.items()})
 

@@ -72,7 +72,7 @@ class DeviceEdges:
 def edges_on_device(gpu: Workspace, scene: Scene, wanted: Wanted) -> DeviceEdges:
     """Puts the edges of a scene on the device that are wanted."""
     found = edges_of(scene)
-    wired = np.ones(len(found.ends), np.bool_) if wanted.all else np.zeros(len(found.ends), np.bool_)
+    wired = ~found.inner if wanted.all else np.zeros(len(found.ends), np.bool_)
     if wanted.angle is not None:
         wired |= found.features(wanted.angle)
     lists = _lists(found, wired, scene.faces)

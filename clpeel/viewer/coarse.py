@@ -54,6 +54,7 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
         more_uv=tuple(uv[first] for uv in scene.more_uv),
         face_materials=None if scene.face_materials is None else scene.face_materials[kept],
         single_sided=None if scene.single_sided is None else scene.single_sided[kept],
+        polygons=None if scene.polygons is None else scene.polygons[kept],
         lines=None if scene.lines is None else _whole(cell, used, scene.lines),
         points=None if scene.points is None else _whole(cell, used, scene.points[:, None]).reshape(-1),
     )
