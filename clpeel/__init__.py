@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from clpeel.rendering.warm_up import Warmed as Warmed
     from clpeel.rendering.warm_up import warm_up as warm_up
     from clpeel.scene.camera import Camera as Camera
+    from clpeel.scene.grid import grid as grid
     from clpeel.scene.materials import Material as Material
     from clpeel.scene.scene import Scene as Scene
     from clpeel.scene.textures import Texture as Texture
@@ -52,6 +53,7 @@ _HOMES = {
     "Warmed": "clpeel.rendering.warm_up",
     "compare": "clpeel.study.compare",
     "complexity": "clpeel.study.complexity",
+    "grid": "clpeel.scene.grid",
     "load": "clpeel.reading.load",
     "load_layers": "clpeel.pictures.layers",
     "render": "clpeel.rendering.renderer",

@@ -47,6 +47,12 @@ def add_picture_options(
     group = parser.add_argument_group("picture")
     _add_output(group, output, "OUT.png", "PNG file to write, or - for standard output")
     _add_view_options(parser, group, resolution, samples)
+    add = group.add_argument
+    add("--grid", action="store_true", help="a grid on the ground: across --up, at the bottom of the scene")
+    text = "with --grid: side of its cells, in scene units (default: 1, 2 or 5 times a power of ten)"
+    add("--grid-unit", type=values.positive, metavar="SIZE", help=text)
+    add("--grid-color", type=values.color, metavar="COLOR", help="with --grid: colour of its lines (default: a grey)")
+    add("--axis", action="store_true", help="the axes X, Y and Z in the lower right corner")
 
 
 def add_layers_options(parser: argparse.ArgumentParser) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from clpeel.command.additions import Additions
 from clpeel.command.inputs import load_demo, load_files, make_camera
 from clpeel.command.options import EDGES, MARKS, METHOD, technique_options
 from clpeel.command.outputs import (
@@ -53,6 +54,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
     if not options.verbose:
         quiet_libraries()
     outputs = _outputs(options, layers)
+    additions = Additions() if layers else Additions.of(options)
     _check_request(options, layers)
     started = time.perf_counter()
     progress = Progress(enabled=not (options.quiet or options.no_progress))
@@ -63,9 +65,11 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
         progress.clear()
     loaded = time.perf_counter()
     _say_what_was_read(options, scene, name, loaded - started, layers)
+    if not options.quiet:
+        say_notes(additions.notes)
     try:
         progress(0.0, "rendering")
-        result = _result(options, scene, layers, progress)
+        result = _result(options, scene, additions, layers, progress)
         rendered = time.perf_counter()
         progress(1.0, "writing")
         wrote = _write_result(options, outputs, result, layers, progress)
@@ -188,15 +192,17 @@ def _say_what_was_read(options: argparse.Namespace, scene: Scene, name: str, sec
         say(f"{name}: {scene.described}, read in {seconds:.2f} s")
 
 
-def _result(options: argparse.Namespace, scene: Scene, layers: bool, progress: Progress) -> Result:
+def _result(
+    options: argparse.Namespace, scene: Scene, additions: Additions, layers: bool, progress: Progress
+) -> Result:
     """Render the picture."""
     import clpeel
 
     camera = make_camera(options, scene)
     if options.verbose:
         say(f"{camera}")
-    return clpeel.render(
-        scene,
+    result = clpeel.render(
+        additions.around(scene),
         camera,
         technique=options.technique,
         device=options.device,
@@ -204,6 +210,7 @@ def _result(options: argparse.Namespace, scene: Scene, layers: bool, progress: P
         progress=progress if progress.enabled else None,
         **_given(options, layers, scene),
     )
+    return additions.over(result, camera, options)
 
 
 def _write_result(

@@ -66,7 +66,8 @@ def _is_wholly_transparent(scene: Scene) -> bool:
         if any(m.opacity > 0 and (m.alpha_mode != "BLEND" or m.base_color[3] > 0) for m in used):
             return False
         if scene.vertex_colors is None:
-            alpha = np.broadcast_to(alpha, plain.shape)[plain] if not len(scene.mark_vertices) else alpha
+            rows = np.append(plain, np.ones(sum(scene.counts[1:]), bool))
+            alpha = np.broadcast_to(alpha, rows.shape)[rows]
         else:
             alpha = alpha[np.append(scene.faces[plain].reshape(-1), scene.mark_vertices)]
     elif scene.vertex_colors is not None:

@@ -6,7 +6,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -25,6 +25,7 @@ from clpeel.techniques.technique import opaque_bytes
 if TYPE_CHECKING:
     from clpeel.pictures.layers import Layers
     from clpeel.rendering.request import Request
+    from clpeel.scene.camera import Camera
     from clpeel.stages.projection import Triangles
 
 N = TypeVar("N", int, float)
@@ -239,6 +240,19 @@ class Result:
                 wanted, came = "max_error=...", "none"
             raise InputError(f"error_bound: expected a result rendered with {wanted}, got {came}")
         return np.minimum(self.maps[ERROR_BOUND] + np.float32(self._rounding), np.float32(1))
+
+    def with_axis(self, camera: Camera, device: int | str | None = None, lanes: int | None = None) -> Result:
+        """The result with the axes in the lower right corner of its image, turned as this camera is.
+
+        Nothing else changes. A picture with less than 96 pixels on a side is left as it is, and a note says so. device,
+        lanes: as for `Renderer`.
+        """
+        from clpeel.rendering.axis import with_axes  # it makes a picture, whose result this module has
+
+        found = with_axes(self.image, camera, device, lanes)
+        if isinstance(found, str):
+            return replace(self, stats=replace(self.stats, notes=[*self.stats.notes, found]))
+        return replace(self, image=found)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the image as a PNG, whole or not at all. If path is a link, the file it points to is written.

@@ -70,7 +70,8 @@ class Scene:
 
     vertices: float64 [n, 3], scene units. NaN and infinite ones are allowed; their triangles are discarded when drawn.
     faces: int32 [m, 3], indices into vertices. Their order is the submission order.
-    Exactly one of face_colors [m, 4], vertex_colors [n, 4] and color [4] is set: RGBA, uint8 0..255 or float32 0..1.
+    Exactly one of face_colors [m + k + p, 4], vertex_colors [n, 4] and color [4] is set: RGBA, uint8 0..255 or float32
+    0..1. face_colors are those of the faces, and behind them of the lines and of the points, if there are any.
     vertex_normals: float32 [n, 3] of any length, with NaN rows where unknown. None if the source has none.
     materials: what the colours of faces are made of (materials.py). face_materials: int32 [m], the place of each face's
     material in `materials`, or NO_MATERIAL; None if there are no materials. On faces that have one, the scene's colours
@@ -83,7 +84,7 @@ class Scene:
     lights: the scene's own (lights.py), for render(lighting="scene").
     lines: int32 [k, 2], indices into vertices, a line segment each. points: int32 [p], indices into vertices. Either is
     None if there are none. They are drawn behind the faces in submission order, lines first. They have no material, and
-    the scene's colours as they are: vertex_colors, or color. There are no face_colors if there are lines or points.
+    the scene's colours as they are.
     notes: what the loader could not keep, one line each.
     """
 
@@ -245,7 +246,8 @@ class Scene:
         alpha = self.colors[..., 3]
         solid: NDArray[np.bool_] = np.asarray(alpha == (255 if alpha.dtype == np.uint8 else 1))
         if self.vertex_colors is None:
-            return np.broadcast_to(solid.reshape(-1)[:1], (lines + points,))
+            own = solid[len(self.faces) :] if self.face_colors is not None else solid
+            return np.broadcast_to(own, (lines + points,))
         ends = solid[self.mark_vertices]
         return np.concatenate([ends[: 2 * lines].reshape(-1, 2).all(axis=1), ends[2 * lines :]])
 
@@ -257,11 +259,14 @@ class Scene:
         solid: NDArray[np.bool_] = np.asarray(alpha == (255 if alpha.dtype == np.uint8 else 1))
         if self.vertex_colors is not None:
             solid = np.all(solid[self.faces], axis=1) if solid.any() else np.zeros(1, bool)
+        elif self.face_colors is not None:
+            solid = solid[:count]
         no = np.broadcast_to(np.zeros(1, bool), (count,))
         if self.face_materials is None:
             return Surfaces(np.broadcast_to(solid, (count,)), no, no)
         opaque, routed, hiding = np.broadcast_to(solid, (count,)).copy(), no.copy(), no.copy()
         unit = as_float(self.colors)[..., 3]
+        unit = unit if self.face_colors is None else unit[:count]
         for place, material in enumerate(self.materials):
             if material.plain:
                 continue
@@ -301,7 +306,8 @@ class Scene:
             own = np.concatenate([self.faces[plain].reshape(-1), self.mark_vertices])
             found = [counted_alphas(alpha[own])]
         else:
-            found = [counted_alphas(np.broadcast_to(alpha, plain.shape)[plain])]
+            rows = np.append(plain, np.ones(sum(self.counts[1:]) if self.face_colors is not None else 0, bool))
+            found = [counted_alphas(np.broadcast_to(alpha, rows.shape)[rows])]
         most = float(as_float(alpha).max(initial=0.0))
         faces = np.bincount(of_faces[~plain], minlength=len(self.materials))
         for material, count in zip(self.materials, faces, strict=True):
@@ -374,8 +380,8 @@ def joined(scenes: Sequence[Scene]) -> Scene:
     flat = [scene.color for scene in scenes if scene.color is not None]
     if len(flat) == len(scenes) and all(c.dtype == flat[0].dtype and (c == flat[0]).all() for c in flat):
         colors = {"color": flat[0]}
-    elif all(scene.vertex_colors is None and not len(scene.mark_vertices) for scene in scenes):
-        colors = {"face_colors": _stacked(scenes, [len(scene.faces) for scene in scenes])}
+    elif all(scene.vertex_colors is None for scene in scenes):
+        colors = {"face_colors": _stacked_by_kind(scenes)}
     else:
         scenes = [with_vertex_colors(scene) if scene.face_colors is not None else scene for scene in scenes]
         colors = {"vertex_colors": _stacked(scenes, [len(scene.vertices) for scene in scenes])}
@@ -461,10 +467,16 @@ def _stacked(scenes: Sequence[Scene], counts: Sequence[int]) -> Colors:
     return np.concatenate(alike(rows))
 
 
+def _stacked_by_kind(scenes: Sequence[Scene]) -> Colors:
+    """Return the colours of all scenes' faces, of their lines, and of their points. No scene has vertex colours."""
+    rows = [np.split(np.broadcast_to(s.colors, (sum(s.counts), 4)), np.cumsum(s.counts[:2])) for s in scenes]
+    return np.concatenate(alike([part for kind in zip(*rows, strict=True) for part in kind]))
+
+
 def with_vertex_colors(scene: Scene) -> Scene:
     """Return a scene with any colours as one with vertex colours that looks the same.
 
-    Each face gets its own vertices, and so do lines and points. These have DEFAULT_COLOR if the colours are of faces.
+    Each face gets its own vertices, and so do lines and points.
     """
     marks = scene.mark_vertices
     corners = np.concatenate([scene.faces.reshape(-1), marks])
@@ -473,8 +485,7 @@ def with_vertex_colors(scene: Scene) -> Scene:
     elif scene.color is not None:
         colors = np.tile(scene.color, (len(corners), 1))
     else:
-        own = np.tile(np.array(DEFAULT_COLOR, np.uint8), (len(marks), 1))
-        colors = np.concatenate(alike([np.repeat(scene.colors, 3, axis=0), own]))
+        colors = np.repeat(scene.colors, np.repeat([3, 2, 1], scene.counts), axis=0)
     first = np.arange(3 * len(scene.faces), len(corners), dtype=np.int32)
     lines = 0 if scene.lines is None else scene.lines.size
     return replace(
@@ -493,14 +504,18 @@ def with_vertex_colors(scene: Scene) -> Scene:
 
 
 def _with_marks(scene: Scene, lines: NDArray[np.int32] | None, points: NDArray[np.int32] | None) -> Scene:
-    """Return a scene that has none with these lines and points."""
+    """Return a scene that has none with these lines and points. Beside face colours they have DEFAULT_COLOR."""
     found = replace(scene, lines=lines, points=points)
-    return with_vertex_colors(found) if scene.face_colors is not None else found
+    if scene.face_colors is None:
+        return found
+    own = np.tile(np.array(DEFAULT_COLOR, np.uint8), (sum(found.counts[1:]), 1))
+    return replace(found, face_colors=np.concatenate(alike([scene.face_colors, own])))
 
 
 def faces_alone(scene: Scene) -> Scene:
     """Return the scene without its lines and points. Its vertices stay."""
-    return replace(scene, lines=None, points=None)
+    colors = None if scene.face_colors is None else scene.face_colors[: len(scene.faces)]
+    return replace(scene, lines=None, points=None, face_colors=colors)
 
 
 def without_faces(scene: Scene, places: NDArray[Any]) -> Scene:
@@ -554,9 +569,11 @@ def _recolored_materials(scene: Scene, color: Colors | None, opacity: float | No
     marks = len(scene.mark_vertices)
     if not plain.any() and not marks:
         return found
-    if scene.vertex_colors is not None or marks:
+    if scene.vertex_colors is not None:
         found = with_vertex_colors(found)
         plain = np.append(np.repeat(plain, 3), np.ones(marks, bool))
+    else:
+        plain = np.append(plain, np.ones(sum(scene.counts[1:]), bool))
     own = np.broadcast_to(found.colors, (len(plain), 4))
     old, new = alike([own, np.broadcast_to(_recolored_colors(own, color, opacity), own.shape)])
     colors = np.where(plain[:, None], new, old)

@@ -175,9 +175,9 @@ def _peel(gpu: Workspace, triangles: Triangles, batch: Batch, window: Fragments,
     fragments = gpu.get(window.fragments, window.count, np.uint64)[_runs(begin, count)]
     payload = fragments.astype(np.uint32)
     if window.sources is None:
-        colors, color_at, triangle = straight_colors(triangles.scene.scene), payload, payload
-        if triangles.scene.color_rate == "scene":
-            color_at = np.zeros_like(payload)
+        colors, triangle = straight_colors(triangles.scene.scene), payload
+        of_scene = triangles.scene.color_rate == "scene"
+        color_at = np.zeros_like(payload) if of_scene else _numbered(payload.astype(np.int32), triangles)
     else:
         colors, color_at = gpu.get(window.colors, (window.count, 4), np.float32), payload
         triangle = gpu.get(window.sources, window.count, np.uint32)[payload]

@@ -250,5 +250,9 @@ def _palette(scene: Scene, outlines: Outlines | None) -> tuple[str, Colors]:
         own = scene.vertex_colors
         return "vertex", own if outlines is None else np.concatenate([own, own[outlines.vertex_of]])
     if scene.face_colors is not None:
-        return "face", scene.face_colors
+        own = scene.face_colors
+        if outlines is None:
+            return "face", own
+        marks = outlines.marks_of(np.arange(len(outlines.faces), dtype=np.int32))
+        return "face", np.concatenate([own[: len(scene.faces)], own[len(scene.faces) + marks]])
     return "scene", np.atleast_2d(np.asarray(scene.color))

@@ -43,11 +43,16 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
     places = [np.bincount(cell[used], scene.vertices[used, axis], count) / weight for axis in range(3)]
     first = np.zeros(count, np.int64)
     first[cell[::-1]] = np.arange(len(cell))[::-1]  # the first of each cell is written last
+    none = np.zeros((0, 1), np.int32)
+    lines, of_lines = _whole(cell, used, none if scene.lines is None else scene.lines)
+    points, of_points = _whole(cell, used, none if scene.points is None else scene.points[:, None])
+    starts = np.cumsum(scene.counts)
+    rows = np.concatenate([kept, starts[0] + of_lines, starts[1] + of_points])
     return replace(
         scene,
         vertices=np.stack(places, axis=-1),
         faces=faces.astype(np.int32),
-        face_colors=None if scene.face_colors is None else scene.face_colors[kept],
+        face_colors=None if scene.face_colors is None else scene.face_colors[rows],
         vertex_colors=None if scene.vertex_colors is None else scene.vertex_colors[first],
         vertex_normals=None,
         uv=None if scene.uv is None else scene.uv[first],
@@ -55,17 +60,24 @@ def coarse_scene(scene: Scene, triangles: int) -> Scene:
         face_materials=None if scene.face_materials is None else scene.face_materials[kept],
         single_sided=None if scene.single_sided is None else scene.single_sided[kept],
         polygons=None if scene.polygons is None else scene.polygons[kept],
-        lines=None if scene.lines is None else _whole(cell, used, scene.lines),
-        points=None if scene.points is None else _whole(cell, used, scene.points[:, None]).reshape(-1),
+        lines=None if scene.lines is None else lines,
+        points=None if scene.points is None else points.reshape(-1),
     )
 
 
-def _whole(cell: NDArray[np.int64], finite: NDArray[np.bool_], marks: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the cells of lines [k, 2] or points [p, 1], each kind of line or point once, without those not finite."""
-    found = cell[marks[finite[marks].all(axis=1)]]
-    found = found[(found[:, :1] != found[:, 1:]).all(axis=1)]
-    _, first = np.unique(found, axis=0, return_index=True)
-    return found[np.sort(first)].astype(np.int32)
+def _whole(
+    cell: NDArray[np.int64], finite: NDArray[np.bool_], marks: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return the cells of lines [k, 2] or points [p, 1], and whose they are: each kind of line or point once.
+
+    Those that are not finite are left out.
+    """
+    kept = np.flatnonzero(finite[marks].all(axis=1))
+    found = cell[marks[kept]]
+    apart = np.flatnonzero((found[:, :1] != found[:, 1:]).all(axis=1))
+    _, first = np.unique(found[apart], axis=0, return_index=True)
+    first = apart[np.sort(first)]
+    return found[first].astype(np.int32), kept[first]
 
 
 def _clustered(scene: Scene, cells: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

@@ -338,9 +338,8 @@ def test_lines_and_points_move_no_map(lanes: int) -> None:
 def test_materials_of_faces_leave_lines_and_points_their_default_colour() -> None:
     material = Material(base_color=(1, 0, 0, 1))
     both = clpeel.Scene.from_arrays(np.eye(3), [[0, 1, 2]], lines=[[0, 1]], points=[2], materials=[material])
-    assert both.vertex_colors is not None
-    assert (both.vertex_colors[both.mark_vertices] == DEFAULT_COLOR).all()
-    assert (both.vertex_colors[both.faces] == 255).all()
+    assert both.face_colors is not None
+    assert both.face_colors.tolist() == [[255] * 4, list(DEFAULT_COLOR), list(DEFAULT_COLOR)]
     alone = clpeel.Scene.from_arrays(np.eye(3), points=[2], materials=[material])
     assert (np.broadcast_to(alone.colors, (3, 4))[alone.mark_vertices] == DEFAULT_COLOR).all()
 
@@ -421,9 +420,8 @@ def test_scenes_of_lines_and_points_are_pickled_joined_and_recoloured() -> None:
     assert red.surfaces == "opaque" and (red.colors[..., :3] == [1, 0, 0]).all()
     blue = clpeel.Scene.from_arrays(np.eye(3), [[0, 1, 2]], face_colors=[[0, 0, 255]])
     kept = clpeel.load(blue, one)
-    assert kept.vertex_colors is not None and kept.lines is not None
-    assert (kept.vertex_colors[kept.lines] == [255, 0, 0, 255]).all()
-    assert (kept.vertex_colors[kept.faces] == [0, 0, 255, 255]).all()
+    assert kept.face_colors is not None  # the face, the line, the point
+    assert kept.face_colors.tolist() == [[0, 0, 255, 255], [255, 0, 0, 255], [255, 0, 0, 255]]
 
 
 def test_complexity_and_compare_know_lines_and_points() -> None:
