@@ -164,6 +164,10 @@ SMALL, BACK_FACING, OPAQUE, TURNED = 1, 2, 4, 8
 # way.
 WIRED, FIRST_ONE_SIDED, SECOND_ONE_SIDED, ALIKE = 1, 2, 4, 8
 
+MOST_AROUND = 64
+"""Where more edges than this end at one place, most of them are not looked at: not by faces, which have only their own
+then (stages/wires.py), nor by bands, which are not joined to them. Strokes overlap there anyway."""
+
 BAND_CORNERS, BAND_TRIANGLES = 6, 4
 """Corners and triangles of a band, which an edge is drawn as beside the surface (kernels/stages/wires.cl)."""
 

@@ -9,17 +9,22 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from clpeel.checks import Rgb
-from clpeel.device.layout import ALIKE, BAND_CORNERS, BAND_TRIANGLES, FIRST_ONE_SIDED, PADDING, SECOND_ONE_SIDED, WIRED
+from clpeel.device.layout import (
+    ALIKE,
+    BAND_CORNERS,
+    BAND_TRIANGLES,
+    FIRST_ONE_SIDED,
+    MOST_AROUND,
+    PADDING,
+    SECOND_ONE_SIDED,
+    WIRED,
+)
 from clpeel.device.program import Arguments, Kernel, launch
 from clpeel.device.records import VERTEX, WIRE, WIRING
 from clpeel.device.workspace import Workspace
 from clpeel.scene.edges import Edges, edges_of
 from clpeel.scene.scene import Scene
 from clpeel.stages.outlines import Length
-
-MOST_AROUND = 64
-"""Where more edges than this are drawn that end at one place, faces there have only their own: lists would be long, and
-strokes overlap there anyway."""
 
 
 @dataclass(frozen=True)

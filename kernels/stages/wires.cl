@@ -7,7 +7,7 @@
 // an outline, or there is but one, strokes end there. So a band of triangles, behind all others, takes them on:
 //
 //     tip --- out ------------- out --- tip       The ends are the edge's own vertices, so band and face share the edge
-//        \     |                 |     /          as two faces do. At an end where one other band begins, both end at the
+//        \     |                 |     /          as two faces do. At an end where another band begins, both end at the
 //          \   |                 |   /            line between them: at the tip where they turn away from each other, or
 //             end  -----------  end               with `out` on that line where they turn to each other.
 //            ------- surface -------
@@ -34,8 +34,7 @@ INLINE int side_of(const Vertex *a, const Vertex *b, const Vertex *apex, const P
 
 // edges: for each edge the vertices at its ends, and those across from it of its faces; negative if there is no such face.
 // kinds: WIRED | ... (clpeel/device/layout.py). one_sided: whether no face is seen from behind. wires: receives where each
-// edge is. Strokes of edges that are not WIRED have twice the width, as they are drawn on bands alone. sides: for each edge
-// on which side of it a band is wanted, 1 or -1, as above; 0 if on none.
+// edge is. sides: for each edge on which side of it a band is wanted, 1 or -1, as above; 0 if on none.
 kernel void see_edges(global const int4 *edges, uint edge_count, global const uchar *kinds, int one_sided,
                       global const float *positions, global const float *low_positions, global const float *matrix,
                       float depth_near, float depth_far, float half_width, float half_by_depth, float across,
@@ -77,7 +76,6 @@ kernel void see_edges(global const int4 *edges, uint edge_count, global const uc
     wire.inverse_length2 = length2 > 0.0f ? 1.0f / length2 : 0.0f;
     wire.reach = MIN(half_width + half_by_depth * at[0].depth, most);
     wire.growth = MIN(half_width + half_by_depth * at[1].depth, most) - wire.reach;
-    if (!(kind & WIRED)) wire.reach *= 2.0f, wire.growth *= 2.0f;
     wires[id] = wire;
     int found[2] = {0, 0}, apexes[2] = {edge.z, edge.w};
     for (int k = 0; k < 2; ++k) {
@@ -126,7 +124,8 @@ INLINE BandEnd band_end(const Way *way, float n_x, float n_y, float width, const
     return end;
 }
 
-// chosen: the edges that have bands. outlines: whether edges that are not WIRED are drawn. faces_of: a face of each edge. margin: how much wider than seen a band is, in subpixels, so that its rim can be
+// chosen: the edges that have bands. outlines: whether all of these are drawn, on bands as wide as a whole stroke, as little
+// of an outline may be seen on the surface. Else those that are WIRED are, on bands of half the width. faces_of: a face of each edge. margin: how much wider than seen a band is, in subpixels, so that its rim can be
 // smooth. places: for each vertex the same number as for all others at its place. around_starts, around: the edges that
 // end at each place. band_wires: receives the wires of bands. faces: receives their triangles, from first_face on.
 // vertices: receives their corners, from first_vertex on.
@@ -142,7 +141,7 @@ kernel void expand_bands(global const uint *chosen, uint band_count, global cons
     const DepthRange range = {depth_near, depth_far};
     uint number = chosen[id];
     Wire wire = wires[number];
-    if (!(kinds[number] & WIRED) && !outlines) wire.reach *= 0.5f, wire.growth *= 0.5f;
+    if (outlines) wire.reach *= 2.0f, wire.growth *= 2.0f;
     Wire shown = wire;
     shown.face = faces_of[number];
     if (!(kinds[number] & WIRED) && !outlines) shown.reach = -1.0f, shown.growth = 0.0f;
@@ -170,20 +169,24 @@ kernel void expand_bands(global const uint *chosen, uint band_count, global cons
     if (!drawn) return;
     float side = (float)sides[number], n_x = -side * way[0].y, n_y = side * way[0].x;
     for (int e = 0; e < 2; ++e, own += 3) {
-        float width = wire.reach + (e ? wire.growth : 0.0f) + margin, m_x = 0.0f, m_y = 0.0f;
-        Way on;
-        uint others = segment.cut[e] ? 2 : 0, here = places[vertex[e]];
-        for (uint k = around_starts[here]; k < around_starts[here + 1] && others < 2; ++k) {
+        // The band that this one is joined to is the next one from it to its outer side, if that turns its outer side here.
+        float width = wire.reach + (e ? wire.growth : 0.0f) + margin, m_x = 0.0f, m_y = 0.0f, least = 5.0f;
+        float own_turn = e == 0 ? side : -side;
+        Way next;
+        uint here = places[vertex[e]], end_of_list = MIN(around_starts[here + 1], around_starts[here] + MOST_AROUND);
+        for (uint k = segment.cut[e] ? end_of_list : around_starts[here]; k < end_of_list; ++k) {
             uint other = around[k];
             if (other == number || !sides[other]) continue;
             bool begins = places[edges[other].x] == here;
+            float turn = begins ? (float)sides[other] : -(float)sides[other];
             ClipVertex far;
             vertex_in_clip_space(positions, low_positions, matrix, begins ? edges[other].y : edges[other].x, &far);
-            if (!way_to(at + e, &far, across, &on)) continue;
-            float turn = begins ? (float)sides[other] : -(float)sides[other];
-            m_x = -turn * on.y, m_y = turn * on.x, ++others;
+            Way on;
+            if (turn == own_turn || !way_to(at + e, &far, across, &on)) continue;
+            float cosine = on.x * way[e].x + on.y * way[e].y, angle = on.x * n_x + on.y * n_y >= 0.0f ? 1.0f - cosine : 3.0f + cosine;
+            if (angle < least) least = angle, next = on, m_x = -turn * on.y, m_y = turn * on.x;
         }
-        BandEnd end = band_end(way + e, n_x, n_y, width, others == 1 ? &on : 0, m_x, m_y);
+        BandEnd end = band_end(way + e, n_x, n_y, width, least < 5.0f ? &next : 0, m_x, m_y);
         put(own, at + e, 0.0f, 0.0f, across, at[e].depth);
         float depth = at[e].depth + end.share * (at[1 - e].depth - at[e].depth);
         put(own + 1, at + e, end.out_x, end.out_y, across, depth);

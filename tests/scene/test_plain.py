@@ -155,6 +155,6 @@ def test_without_lights_they_cost_nothing() -> None:
     assert used_materials(plain, False) == () and used_materials(plain, True) == plain.materials
     assert used_materials(mixed, False) == mixed.materials
     assert not shading_of(plain, False).materials and shading_of(plain, True).materials
-    table = material_table(plain, packed_textures(plain.materials, lights=True))
+    table = material_table(plain, packed_textures(plain.materials, lights=True), len(plain.vertices))
     np.testing.assert_allclose(table["roughness"], [0.5, 0.1, 0.9])
     np.testing.assert_allclose(table["metallic"], [0, 1, 1])
