@@ -321,6 +321,9 @@ FEATURES: dict[str, dict[str, Any]] = {
     '`lighting="headlight"`': {"lighting": "headlight"},
     '`lighting="kit"`': {"lighting": "kit"},
     '`lighting="kit"`, `highlights="full"`': {"lighting": "kit", "highlights": "full"},
+    "`edges=True`": {"edges": True},
+    "`feature_edges=30`": {"feature_edges": 30.0},
+    "`silhouettes=True`": {"silhouettes": True},
 }
 """Options of `sort`. Every technique that peels has them as well."""
 
