@@ -25,7 +25,7 @@ from clpeel.rendering import self_test
 from clpeel.rendering.auto import Choice, capacity_of, chosen_for
 from clpeel.rendering.blank import why_blank
 from clpeel.rendering.hidden_edges import with_hidden_edges
-from clpeel.rendering.options import Lighting, Size
+from clpeel.rendering.options import BACKGROUND, Lighting, Size
 from clpeel.rendering.request import Progress, Request
 from clpeel.rendering.result import Clock, Result, Stats, stats_of
 from clpeel.scene.arrays import checked_opacity
@@ -143,8 +143,8 @@ class Renderer:
         camera: Camera | None = None,
         size: Size = (1024, 1024),
         technique: str = "sort",
-        background: GivenBackground = (1.0, 1.0, 1.0),
-        lighting: Lighting = "none",
+        background: GivenBackground = BACKGROUND,
+        lighting: Lighting | None = None,
         *,
         progress: Progress | None = None,
         **options: Unpack[Keywords],
@@ -154,9 +154,9 @@ class Renderer:
         camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
         `clpeel.techniques.TECHNIQUES`, or "auto". background: 3 numbers 0..1, text such as "white", a pair of these for
         a gradient from top to bottom, or None for straight alpha. lighting: "none" (colours as given), "headlight",
-        "kit" or "scene" (Scene.lights). progress: called with the share done (0..1) and a text. options: those of all
-        pictures (rendering.options.PictureOptions) and those of the technique (its `options`). Editors complete them
-        from rendering/keywords.py.
+        "kit" or "scene" (Scene.lights); by default the scene's lights, if it has some, else the kit. progress: called
+        with the share done (0..1) and a text. options: those of all pictures (rendering.options.PictureOptions) and
+        those of the technique (its `options`). Editors complete them from rendering/keywords.py.
 
         Threads may share a Renderer: they take turns. Raises InputError if an option is wrong, if memory is too small
         for one pixel's fragments, or if the scene has too many triangles. Raises DeviceError in a process that was
@@ -315,8 +315,8 @@ def render(
     camera: Camera | None = None,
     size: Size = (1024, 1024),
     technique: str = "sort",
-    background: GivenBackground = (1.0, 1.0, 1.0),
-    lighting: Lighting = "none",
+    background: GivenBackground = BACKGROUND,
+    lighting: Lighting | None = None,
     *,
     device: int | str | None = None,
     lanes: int | None = None,

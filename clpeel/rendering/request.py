@@ -11,7 +11,7 @@ from clpeel.checks import Rgb
 from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
-from clpeel.rendering.options import Lighting, PictureOptions, Size, checked_layers
+from clpeel.rendering.options import SAMPLES, Lighting, PictureOptions, Size, checked_layers
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, Lamp
 from clpeel.scene.scene import Scene
@@ -113,8 +113,11 @@ class Request:
 
     @property
     def lighting(self) -> Lighting:
-        """What light there is. A technique that keeps light apart from colours has none but the headlight."""
-        chosen = self.picture.lighting
+        """What light there is: by default the scene's own, if it has some, else the kit.
+
+        A technique that keeps light apart from colours has none but the headlight.
+        """
+        chosen = self.picture.lighting or ("scene" if self.scene_lights else "kit")
         return "headlight" if self.technique.light_apart and chosen != "none" else chosen
 
     @property
@@ -186,6 +189,9 @@ def checked_options(technique: str, given: Mapping[str, object]) -> tuple[Pictur
     own = {name: value for name, value in given.items() if name not in common}
     shared: dict[str, Any] = {name: value for name, value in given.items() if name in common}
     options = options_class(technique)(**own)
+    if shared.get("samples") is None:
+        single = shared.get("layers") or (technique != AUTO and technique_named(technique).maps)
+        shared["samples"] = 1 if single else SAMPLES
     picture = PictureOptions(**shared)
     if picture.layers and technique != AUTO:
         technique_named(technique).peeled(options)  # raises InputError if layers may be lost

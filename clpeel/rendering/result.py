@@ -302,7 +302,7 @@ def stats_of(
         passes_issued=len(samples_passed),
         samples_passed=samples_passed,
         size=[width, height],
-        samples=request.picture.samples,
+        samples=request.picture.samples or 1,
         triangles=faces,
         lines=lines,
         points=points,

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import plainly
 import pytest
 
 import clpeel
@@ -56,7 +57,7 @@ def tested(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def picture(wanted: Wanted, technique: str = "sort", lanes: int | None = None, **options: Any) -> clpeel.Result:
     """A picture of known layers themselves."""
-    return clpeel.Renderer(wanted.scene(), None, lanes).render(wanted.camera(), SIZE, technique, **options)
+    return plainly.Renderer(wanted.scene(), None, lanes).render(wanted.camera(), SIZE, technique, **options)
 
 
 def layers(
@@ -256,7 +257,7 @@ def test_wrong_counts_are_refused(surfaces: str, kernels_with: Callable[[str, st
 
 def test_torn_writes_are_not_tested(tested: list[str]) -> None:
     scene = clpeel.Scene.from_arrays([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [[0, 1, 2]], color=(0.2, 0.5, 0.9, 0.4))
-    clpeel.render(scene, size=SIZE, technique="multi-layer-peeling", torn_writes=True)
+    plainly.render(scene, size=SIZE, technique="multi-layer-peeling", torn_writes=True)
     assert tested == []
 
 
