@@ -12,7 +12,7 @@ class Keywords(TypedDict, total=False):
     """What the light of kit and scene is multiplied with (default: 1)."""
     highlights: Literal["dimmed", "full"]
     """Highlights of transparent surfaces: dimmed by their alpha (default), or full, as of glass."""
-    samples: Optional[Literal[1, 4, 8, 16, 64, 256]]
+    samples: Literal[1, 4, 8, 16, 64, 256] | None
     """Samples a pixel, averaged for smooth edges: 1, 4, 8, 16, 64 or 256."""
     memory: int | str | None
     """Device memory to use, such as 512M or 2G (default: a share of the device's)."""
