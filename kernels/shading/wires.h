@@ -9,6 +9,11 @@
 
 #include "shading/reals.h"
 
+// Whether nothing is drawn but edges behind opaque surfaces (clpeel/rendering/hidden_edges.py).
+#ifndef BEHIND
+#define BEHIND 0
+#endif
+
 #if WIRES
 // The edges of all faces: lists[face] .. lists[face + 1] are where a face's own are in `lists`.
 typedef struct {
