@@ -7,14 +7,17 @@
 // an outline, or there is but one, strokes end there. So a band of triangles, behind all others, takes them on:
 //
 //     tip --- out ------------- out --- tip       The ends are the edge's own vertices, so band and face share the edge
-//        \     |                 |     /          as two faces do. At an end where one other band begins, both end at the
-//          \   |                 |   /            line between them: at the tip where they turn away from each other, or
-//             end  -----------  end               with `out` on that line where they turn to each other.
-//            ------- surface -------
+//        \     |                 |     /          as two faces do. At an end where other bands begin, this one and the next one
+//          \   |                 |   /            beyond its open side end at the line between them: at the tip where they
+//             end  -----------  end               turn away from each other, or with `out` on that line where they turn to
+//            ------- surface -------              each other.
 #include "stages/segments.h"
 
 // How far the tip of a band may be from its end, in widths of the band.
 #define TIP_LIMIT 2.0f
+
+// Where more other bands than this end at one place, none are joined.
+#define MOST_JOINED 7
 
 // On which side of the way from a to b a vertex lies: 1 where it is clockwise from b as seen from a (y down), or -1; 0 if
 // it is on the line, or is no number. a, b, apex: as projected. Whole vertices decide by whole numbers, as records do.
@@ -90,11 +93,13 @@ kernel void see_edges(global const int4 *edges, uint edge_count, global const uc
             vertex_in_clip_space(positions, low_positions, matrix, edge.x, end);
             vertex_in_clip_space(positions, low_positions, matrix, edge.y, end + 1);
             place_of(end, at);
-            if (!way_to(at, end + 1, across, &way)) continue;
+            way_to(at, end + 1, across, &way);
         }
         found[k] = side_of(&a, &b, &apex, at, &way, across, &clipped);
-        // The first face runs from end to end. So it is seen from behind if its corners run clockwise.
+        // The first face runs from end to end. So it is seen from behind if its corners run clockwise. What has no area
+        // counts as seen from the front, at all of its edges, so that outlines are closed.
         int behind = k == 0 || kind & ALIKE ? 1 : -1;
+        if (!found[k] && !(apex.outcode & NOT_FINITE)) found[k] = -behind;
         if ((one_sided || kind & (k == 0 ? FIRST_ONE_SIDED : SECOND_ONE_SIDED)) && found[k] == behind) found[k] = 0;
     }
     if (found[0] * found[1] >= 0) sides[id] = (char)(found[0] ? -found[0] : -found[1]);
@@ -170,20 +175,25 @@ kernel void expand_bands(global const uint *chosen, uint band_count, global cons
     if (!drawn) return;
     float side = (float)sides[number], n_x = -side * way[0].y, n_y = side * way[0].x;
     for (int e = 0; e < 2; ++e, own += 3) {
-        float width = wire.reach + (e ? wire.growth : 0.0f) + margin, m_x = 0.0f, m_y = 0.0f;
-        Way on;
-        uint others = segment.cut[e] ? 2 : 0, here = places[vertex[e]];
-        for (uint k = around_starts[here]; k < around_starts[here + 1] && others < 2; ++k) {
+        float width = wire.reach + (e ? wire.growth : 0.0f) + margin, m_x = 0.0f, m_y = 0.0f, least = MAXFLOAT;
+        Way on, other_way;
+        uint others = segment.cut[e] ? MOST_JOINED + 1 : 0, here = places[vertex[e]];
+        for (uint k = around_starts[here]; k < around_starts[here + 1] && others <= MOST_JOINED; ++k) {
             uint other = around[k];
             if (other == number || !sides[other]) continue;
+            ++others;
             bool begins = places[edges[other].x] == here;
+            float turn = begins ? (float)sides[other] : -(float)sides[other];
+            if (turn == (e ? -side : side)) continue;  // its surface is on the other side
             ClipVertex far;
             vertex_in_clip_space(positions, low_positions, matrix, begins ? edges[other].y : edges[other].x, &far);
-            if (!way_to(at + e, &far, across, &on)) continue;
-            float turn = begins ? (float)sides[other] : -(float)sides[other];
-            m_x = -turn * on.y, m_y = turn * on.x, ++others;
+            if (!way_to(at + e, &far, across, &other_way)) continue;
+            float along = other_way.x * way[e].x + other_way.y * way[e].y;
+            float angle = other_way.x * n_x + other_way.y * n_y > 0.0f ? 1.0f - along : 3.0f + along;  // grows with it
+            if (angle < least) least = angle, on = other_way, m_x = -turn * on.y, m_y = turn * on.x;
         }
-        BandEnd end = band_end(way + e, n_x, n_y, width, others == 1 ? &on : 0, m_x, m_y);
+        bool joined = others <= MOST_JOINED && least < MAXFLOAT;
+        BandEnd end = band_end(way + e, n_x, n_y, width, joined ? &on : 0, m_x, m_y);
         put(own, at + e, 0.0f, 0.0f, across, at[e].depth);
         float depth = at[e].depth + end.share * (at[1 - e].depth - at[e].depth);
         put(own + 1, at + e, end.out_x, end.out_y, across, depth);
