@@ -27,7 +27,8 @@ def with_hidden_edges(
     finished: the picture, with its colours.
     """
     seen = triangles.seen
-    if seen is None or seen.behind is None:
+    # Without opaque surfaces nothing is hidden.
+    if seen is None or seen.behind is None or triangles.features.surfaces != "mixed":
         return finished
     sort, shared = technique("sort"), Bounded()
     triangles = replace(triangles, seen=replace(seen, shading=seen.behind))

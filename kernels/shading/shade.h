@@ -225,11 +225,6 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 #endif
 }
 
-// Whether nothing is drawn but edges behind opaque surfaces (clpeel/rendering/hidden_edges.py).
-#ifndef BEHIND
-#define BEHIND 0
-#endif
-
 #if WIRES
 #define WIRED(face) ((face)->wired)
 #else
