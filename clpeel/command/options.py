@@ -140,6 +140,7 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
     add("--unlit", action="store_true", help="the colours as given, as --lighting none")
     add_option(group, PICTURE["light_intensity"])
     add_option(group, PICTURE["highlights"])
+    add_option(group, PICTURE["blending_space"])
 
 
 def _add_camera_options(parser: argparse.ArgumentParser) -> None:

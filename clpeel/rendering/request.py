@@ -11,6 +11,7 @@ from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
 from clpeel.rendering.options import Lighting, PictureOptions, Size, checked_layers
+from clpeel.rendering.shown_errors import may_hide
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, Lamp
 from clpeel.scene.scene import Scene
@@ -97,6 +98,19 @@ class Request:
         """The most that skipped layers may change a channel, 0..1; None if none are skipped."""
         found: float | None = getattr(self.options, "max_error", None)
         return found
+
+    @property
+    def linear(self) -> bool:
+        """Whether colours are blended as linear light. Techniques that blend none have no use for it."""
+        return self.picture.blending_space == "linear" and issubclass(self.technique.options, Blending)
+
+    @property
+    def drawn_options(self) -> Options:
+        """The technique's options as it draws by them: its max_error is one of what is blended."""
+        if not self.linear or self.max_error is None:
+            return self.options
+        light: dict[str, Any] = {"max_error": may_hide(self.max_error, True)}
+        return replace(self.options, **light)
 
     @property
     def blending(self) -> Blending:

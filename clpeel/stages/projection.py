@@ -178,6 +178,7 @@ def project(
     marks: Marks = PLAIN_MARKS,
     lit: Lit | None = None,
     pattern: Pattern = PATTERNS[1],
+    linear: bool = False,
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height), in samples.
 
@@ -186,6 +187,7 @@ def project(
     backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", which draws all that are
     not single-sided. probes: the most samples of a texture along a pixel's longer side. marks: how lines and points are
     drawn. lit: by what lights, if the scene was uploaded for lights. pattern: where a pixel's samples lie.
+    linear: whether colours are blended as linear light.
     """
     surfaces = scene.surfaces if opaque_first else "transparent"
     features = Features(
@@ -205,6 +207,7 @@ def project(
         levels=scene.shading.levels,
         probes=probes if scene.shading.levels else 1,
         pattern=pattern.word,
+        linear=linear,
     )
     view = view_of(gpu, scene, camera, size, depth_format, pattern)
     vertices = _project_vertices(gpu, scene, view, features)
