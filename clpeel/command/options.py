@@ -14,7 +14,7 @@ from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
 
-METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy")
+METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy", "blending_space")
 """Options of all pictures whose flags stand beside those of the techniques."""
 
 MARKS = ("line_width", "point_size", "point_type")
@@ -140,7 +140,6 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
     add("--unlit", action="store_true", help="the colours as given, as --lighting none")
     add_option(group, PICTURE["light_intensity"])
     add_option(group, PICTURE["highlights"])
-    add_option(group, PICTURE["blending_space"])
 
 
 def _add_camera_options(parser: argparse.ArgumentParser) -> None:

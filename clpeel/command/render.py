@@ -132,8 +132,7 @@ def given_options(options: argparse.Namespace, scene: Scene | None = None) -> di
     from clpeel.rendering.options import COMMAND_SAMPLES
     from clpeel.techniques import AUTO, technique
 
-    own = ("samples", "memory", "light_intensity", "highlights", "blending_space")
-    names = (*technique_options(), *METHOD, *MARKS, *own)
+    names = (*technique_options(), *METHOD, *MARKS, "samples", "memory", "light_intensity", "highlights")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     if options.samples is None and (options.technique == AUTO or not technique(options.technique).maps):
         given["samples"] = COMMAND_SAMPLES
