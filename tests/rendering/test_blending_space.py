@@ -226,6 +226,15 @@ def test_nothing_drawn_is_the_background_bit_for_bit(lanes: int) -> None:
     assert not render(scene, background=None, lanes=lanes).image.any()
 
 
+@pytest.mark.parametrize(("shade", "background", "level"), [(1.0, 0.0, 255), (0.0, 1.0, 0), (1.0, 1.0, 255)])
+def test_sums_beyond_white_are_white(shade: float, background: float, level: int, lanes: int) -> None:
+    """Ten layers of 1/2 sum to 5 times the light, and -4 times the background. The straight colour stays as it is."""
+    scene = soups.stack(np.linspace(1, 7, 10), [shade] * 3 + [0.5]).scene()
+    got = render(scene, technique="weighted-sum", background=[background] * 3, lanes=lanes)
+    assert (got.image[..., :3] == level).all() and got.stats.clamped_pixels == SIZE[0] * SIZE[1]
+    assert (got.color == [5 * shade] * 3 + [5]).all()
+
+
 # --- techniques of their own ------------------------------------------------------------------------------------------
 
 
