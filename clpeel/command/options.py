@@ -17,7 +17,7 @@ PICTURE = {each.name: each for each in options_of(PictureOptions)}
 EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity", "hidden_edges")
 """Options of all pictures that say which edges of faces are drawn, and how."""
 
-METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy")
+METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy", "blending_space")
 """Options of all pictures whose flags stand beside those of the techniques."""
 
 MARKS = ("line_width", "point_size", "point_type")

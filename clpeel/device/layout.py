@@ -243,6 +243,7 @@ class Features:
     maps: bool = False  # textures say what some materials are, besides their colours
     full_highlights: bool = False  # what highlights lie on does not dim them
     wires: bool = False  # edges are drawn (kernels/shading/wires.h)
+    linear: bool = False  # colours are blended as linear light, instead of as they are shown
 
     @property
     def fragment_color(self) -> bool:
@@ -291,5 +292,6 @@ class Features:
             "PROBES": self.probes,
             "PATTERN": f"{self.pattern:#x}u",
             "DEPTH_FORMAT": DEPTH_FORMATS.index(self.depth_format),
+            "LINEAR": int(self.linear),
         }
         return [f"-D{name}={value}" for name, value in flags.items()]

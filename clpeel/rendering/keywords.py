@@ -48,6 +48,8 @@ class Keywords(TypedDict, total=False):
     """Opacity of edges and outlines that opaque surfaces hide, which shine through (default: 0)."""
     depth_format: Literal["float32-reversed", "float32", "unorm24", "rgba8"]
     """What is kept of depths (default: float32-reversed)."""
+    blending_space: Literal["srgb", "linear"]
+    """Blend colours as they are shown (srgb, default), or as light that adds up (linear)."""
     precision: Literal["float32", "half", "unorm8"]
     """Of the buffers that colours are blended into, each blend rounded as hardware does."""
     max_error: float | None

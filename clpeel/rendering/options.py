@@ -19,6 +19,7 @@ Highlights = Literal["dimmed", "full"]
 Opaque = Literal["first", "blend"]
 Execution = Literal["tiles", "passes"]
 Backfaces = Literal["default", "visible", "hidden"]
+BlendingSpace = Literal["srgb", "linear"]
 
 BACKGROUND: Rgb = (200 / 255, 204 / 255, 210 / 255)
 """Behind a scene by default: a light grey, before which white things show and black ones, and those that let light
@@ -132,6 +133,9 @@ class PictureOptions(Options):
         0.0, SHARE, help="opacity of edges and outlines that opaque surfaces hide, which shine through (default: 0)"
     )
     depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
+    blending_space: BlendingSpace = option(
+        "srgb", help="blend colours as they are shown (srgb, default), or as light that adds up (linear)"
+    )
 
     def check_together(self) -> None:
         """Raises InputError if samples make the picture or its lines too large, or for layers with several samples."""

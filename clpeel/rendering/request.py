@@ -12,9 +12,11 @@ from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
 from clpeel.rendering.options import SAMPLES, Lighting, PictureOptions, Size, checked_layers
+from clpeel.rendering.shown_errors import may_hide
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, Lamp
 from clpeel.scene.scene import Scene
+from clpeel.scene.textures import linear
 from clpeel.stages.outlines import Length, Marks
 from clpeel.stages.projection import Lit
 from clpeel.stages.wires import Wanted, Wires
@@ -101,6 +103,19 @@ class Request:
         return found
 
     @property
+    def linear(self) -> bool:
+        """Whether colours are blended as linear light. Techniques that blend none have no use for it."""
+        return self.picture.blending_space == "linear" and issubclass(self.technique.options, Blending)
+
+    @property
+    def drawn_options(self) -> Options:
+        """The technique's options as it draws by them: its max_error is one of what is blended."""
+        if not self.linear or self.max_error is None:
+            return self.options
+        light: dict[str, Any] = {"max_error": may_hide(self.max_error, True)}
+        return replace(self.options, **light)
+
+    @property
     def blending(self) -> Blending:
         """How colours are blended."""
         return self.options if isinstance(self.options, Blending) else Blending()
@@ -157,6 +172,9 @@ class Request:
         if wanted == Wanted() or self.technique.measures_solids:
             return None
         color = cast(Rgb, picture.edge_color)  # as it is checked
+        if self.linear:
+            red, green, blue = map(float, linear(color))
+            color = red, green, blue
         hidden = picture.hidden_edges
         return Wires(wanted, color, picture.edge_opacity, self.marks.line_width, hidden if self.opaque_first else 0.0)
 

@@ -398,4 +398,5 @@ def test_a_light_copies_no_texture_again() -> None:
     renderer = plainly.Renderer(textured.beside(facing(LEVELLED, SMALL, textured.FILL), []).scene())
     for lighting in ("none", "headlight"):
         renderer.render(size=SMALL, lighting=lighting)
-    assert renderer._uploaded["headlight"].textures is renderer._uploaded["none"].textures is not None
+    held = {needs: uploaded.textures for (needs, _), uploaded in renderer._uploaded.items()}
+    assert held["headlight"] is held["none"] is not None

@@ -42,6 +42,7 @@ VIEWS: list[dict[str, Any]] = [
         "technique": "depth-peeling",
         "options": {"execution": "passes", "depth_format": "unorm24", "coincident": "paper"},
     },
+    {"options": {"blending_space": "linear", "samples": 4}},
     {"shows": "layers", "technique": "weighted-sum"},
     {"camera": clpeel.Camera((1, 2, 4), (0, 0, 0), orthographic=True, clipping_range=(-1.5, 4.25))},
 ]

@@ -234,6 +234,12 @@ def test_heat_maps_show_layers_and_errors(look: Any, samples: int) -> None:
     assert frame.errors is not None and frame.errors[0] > 0.1 and status["max_error"] == frame.errors[0]
 
 
+def test_the_heat_map_of_errors_blends_as_shown() -> None:
+    """The truth is made of layers, which are colours as they are shown."""
+    view = View(CAMERA, SIZE, options={"blending_space": "linear"})
+    assert error_map(plainly.Renderer(scene()), view, None).max_error < 1e-5
+
+
 def test_what_the_picture_lacks_is_a_note(look: Any) -> None:
     points = scene().vertices.copy()
     points[0] = np.nan
