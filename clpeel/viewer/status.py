@@ -12,7 +12,7 @@ from clpeel.rendering.result import left_out
 from clpeel.techniques import AUTO, TECHNIQUES, option_names, options_class
 from clpeel.viewer.controls import KEYS, OPTION_NAMES, SHOWN
 from clpeel.viewer.painter import Frame
-from clpeel.viewer.view import LIGHTINGS, View
+from clpeel.viewer.view import LIGHTINGS, SAMPLES, View
 
 Status = Mapping[str, Any]
 
