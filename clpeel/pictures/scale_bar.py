@@ -22,6 +22,8 @@ LEAST_WIDTH, LEAST_HEIGHT = 160, 120
 
 PANEL = (255, 255, 255, 216)
 INK = (32, 32, 32, 255)
+PALE = 224
+"""Colours whose least channel is above this have an outline."""
 
 SIZES = (1.0, 0.8, 0.65)
 """How large a bar may be to fit beside the model, as a share of its usual size. The first that fits is taken."""
@@ -217,11 +219,12 @@ def _panel(scale: Scale, width: int, height: int, share: float) -> tuple[Image.I
         y = top + round((1 - place) * (bar_height - 1))
         draw.line((pad + bar_width, y, pad + bar_width + gap, y), INK)
         draw.text((pad + bar_width + 2 * gap, y), text, INK, font, anchor="lm")
-    first = top + bar_height + size // 2 if scale.ramp is not None else top - size // 4
+    first = top + bar_height + size * 3 // 4 if scale.ramp is not None else top - size // 4
     for number, (text, color) in enumerate(boxes):
         y = first + number * line
         if color[3]:
-            draw.rectangle((pad, y, pad + bar_width - 1, y + bar_width - 1), color)
+            pale = INK if min(color[:3]) > PALE else None  # on the panel
+            draw.rectangle((pad, y, pad + bar_width - 1, y + bar_width - 1), color, pale)
         draw.text((pad + bar_width + gap, y + bar_width // 2), text, INK, font, anchor="lm")
     return panel, pad
 

@@ -40,6 +40,9 @@ a face whose three numbers are alike has one colour, even where two colours meet
 LEAST_MARGIN = 2.0**-10
 """The same in texels, at least."""
 
+MOST_LOOKS = 64
+"""Faces that differ in opacity have materials of their own, if there are at most so many: kernels draw these faster."""
+
 KINDS = ("faces", "lines", "points")
 
 NOT_SHOWN = "arrays left out: "
@@ -262,8 +265,10 @@ def _kept(scene: Scene) -> _Opacities:
     of_faces = np.full(len(scene.faces), NO_MATERIAL) if scene.face_materials is None else scene.face_materials
     factor, counts = np.array(factors)[of_faces], np.array(blends)[of_faces]
     alpha = as_float(scene.colors)[..., 3]
-    if scene.color is not None:
-        return _Opacities(np.where(counts, factor * alpha, factor), float(alpha), None, np.zeros(len(counts), bool))
+    few = scene.face_colors is not None and not len(scene.mark_vertices) and len(np.unique(alpha)) <= MOST_LOOKS
+    if scene.color is not None or few:
+        of_marks = 1.0 if few else float(alpha)
+        return _Opacities(np.where(counts, factor * alpha, factor), of_marks, None, np.zeros(len(counts), bool))
     field = None if (alpha == 1).all() else Field(alpha, scene.face_colors is not None, "")
     return _Opacities(factor, 1.0, field, counts & (field is not None))
 
@@ -372,7 +377,7 @@ def _without_nan(scene: Scene, field: Field, cmap: ColorMap, notes: list[str]) -
     nowhere = np.isnan(numbers(field))
     if not field.of_faces:
         ends = [scene.faces, scene.lines, scene.points]
-        parts = [nowhere[end].reshape(len(end), -1).any(axis=1) for end in ends if end is not None]
+        parts = [nowhere[end.reshape(len(end), -1 if len(end) else 1)].any(axis=1) for end in ends if end is not None]
         nowhere = np.concatenate(parts)
     if not nowhere.any() or (cmap.nan is not None and cmap.nan[3] > 0):
         return scene
