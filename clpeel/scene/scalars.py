@@ -290,14 +290,13 @@ def _by_fragment(scene: Scene, cmap: ColorMap, values: Floats, opacities: _Opaci
     places = _within_texels(cmap.places(values), len(cmap.colors))
     uv = np.full((len(values), 2), 0.5)
     uv[:, 0] = (1 + np.nan_to_num(places)) / (len(cmap.colors) + 2)
-    row = cmap.row[None]
-    texture = Texture(row, ("clamp", "clamp"), "nearest", "nearest")
+    texture = Texture(cmap.row[None], ("clamp", "clamp"), "nearest", "nearest")
     looks, of_faces = np.unique(np.stack([opacities.of_faces, opacities.counts], axis=1), axis=0, return_inverse=True)
     materials = [
         Material(
             cmap.label,
             texture=texture,
-            alpha_mode="BLEND" if counts or row[..., 3].min() < 255 else "OPAQUE",
+            alpha_mode="BLEND",  # where all alphas are 1, faces are opaque anyway
             opacity=float(factor),
             rgb_of_scene=False,
             alpha_of_scene=bool(counts),

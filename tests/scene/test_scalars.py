@@ -193,9 +193,10 @@ def test_opacities_outside_of_their_range_are_noted() -> None:
 
 
 def test_what_has_no_number_is_left_out_and_the_bounds_stay() -> None:
-    scene = clpeel.with_scalars(TENT, [0, 1, 2, np.nan, 4])
-    assert len(scene.faces) == 2 and (scene.bounds == TENT.bounds).all()
-    assert scene.notes == ("scalars: 2 faces without a number left out; nan_color shows them",)
+    apart = clpeel.Scene.from_arrays([*CORNERS, [9, 9, 9]], [*FACES, [0, 1, 5]])
+    scene = clpeel.with_scalars(apart, [*NUMBERS, np.nan])
+    assert len(scene.faces) == 4 and (scene.bounds == apart.bounds).all() and scene.bounds[1, 2] == 9
+    assert scene.notes == ("scalars: 1 faces without a number left out; nan_color shows them",)
 
 
 # --- arrays of scenes -------------------------------------------------------------------------------------------------
