@@ -164,6 +164,12 @@ SMALL, BACK_FACING, OPAQUE, TURNED = 1, 2, 4, 8
 # way.
 WIRED, FIRST_ONE_SIDED, SECOND_ONE_SIDED, ALIKE = 1, 2, 4, 8
 
+# In a face's list of edges, beside an edge's number: it is an edge of other faces, which ends at a corner of this one.
+FOREIGN = 1 << 30
+
+# How faces are seen, one bit each: from the front, and from behind.
+FROM_FRONT, FROM_BEHIND = 1, 2
+
 BAND_CORNERS, BAND_TRIANGLES = 6, 4
 """Corners and triangles of a band, which an edge is drawn as beside the surface (kernels/stages/wires.cl)."""
 

@@ -69,6 +69,9 @@ BUILDS = [
     (64, False, "face", "mixed", EVERYTHING),
     (1, True, "scene", "transparent", {"materials": True, "routed": True}),
     (64, True, "scene", "mixed", {"materials": True, "levels": True}),
+    (1, True, "scene", "transparent", {"wires": True}),
+    (1, True, "face", "mixed", {**LIT, "wires": True}),
+    (64, False, "vertex", "mixed", {**EVERYTHING, "wires": True}),
 ]
 
 
@@ -90,6 +93,8 @@ OTHERS = [
     ("techniques/thickness.cl", {"PERSPECTIVE": 0, "VARIANT": 1}),
     ("stages/setup.cl", {"LOW_POSITIONS": 1}),
     ("stages/expand.cl", {"LOW_POSITIONS": 1}),
+    ("stages/wires.cl", {"LOW_POSITIONS": 1}),
+    ("techniques/sort.cl", {"BEHIND": 1}),
     *((f"techniques/{name}.cl", {**targets.constants, **more}) for name, targets, more in BY_PASSES),
 ]
 
