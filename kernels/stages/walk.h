@@ -448,8 +448,8 @@ typedef struct { uint step, room, strip_room; } Layout;
 
 // Emits the fragments of a tile's records, from place `begin` of `pairs` on, in these blocks (a bit each). If surfaces
 // are MIXED, only those in front of z_far are emitted (stages/opaque.h); with BEHIND, those of edges behind it. At the end
-// each `next` is what it would be with room for all, so it tells how many fragments there are. sources: where fragments have colours of their own,
-// receives their faces; NULL if nobody wants them.
+// each `next` is what it would be with room for all, so it tells how many fragments there are. sources: where fragments
+// have colours of their own, receives their faces; NULL if nobody wants them.
 //
 // Fragments of a record in one of the picture's pixels may share a colour (shades_samples). Where a lane works alone, it
 // computes that once, and numbers colours as they come, from 0 on. So they grow with submission, too, and there are no
