@@ -226,9 +226,9 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 }
 
 #if WIRES
-#define WIRED(face) ((face)->wired)
+#define IS_WIRED(face) ((face)->wired)
 #else
-#define WIRED(face) false
+#define IS_WIRED(face) false
 #endif
 
 // Asks for what face_of will load for the records pairs[from] .. pairs[to - 1]. These lie all over memory, and each is

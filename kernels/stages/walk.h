@@ -487,7 +487,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         prefetch_faces(batch->triangles, batch->pairs, place, asked_for, shading);
     }
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
-    if (BEHIND && !WIRED(&face)) continue;
+    if (BEHIND && !IS_WIRED(&face)) continue;
     VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
     uint fits = BITS_OF(*places < (VECTOR(uint))(layout->room));
 #if PATTERNED && LANES == 1
@@ -506,7 +506,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         place_on_face(to_shade_at, &face, &on_face);
         Sight sight = SIGHT(first, &face);
 #if PAINTED && LANES == 1
-        if (face.material && WAITS(face.material) && !WIRED(&face)) {
+        if (face.material && WAITS(face.material) && !IS_WIRED(&face)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];
