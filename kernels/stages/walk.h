@@ -487,7 +487,9 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         prefetch_faces(batch->triangles, batch->pairs, place, asked_for, shading);
     }
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
-    if (BEHIND && !IS_WIRED(&face)) continue;
+#if BEHIND
+    if (!IS_WIRED(&face)) continue;
+#endif
     VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
     uint fits = BITS_OF(*places < (VECTOR(uint))(layout->room));
 #if PATTERNED && LANES == 1
