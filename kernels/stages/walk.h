@@ -508,7 +508,8 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         place_on_face(to_shade_at, &face, &on_face);
         Sight sight = SIGHT(first, &face);
 #if PAINTED && LANES == 1
-        if (face.material && WAITS(face.material) && !IS_WIRED(&face)) {
+        bool plain = !IS_WIRED(&face);
+        if (plain && face.material && WAITS(face.material)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];
