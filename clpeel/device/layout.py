@@ -168,6 +168,12 @@ MOST_AROUND = 64
 """Where more edges than this are drawn that end at one place, faces there have only their own: lists would be long, and
 strokes overlap there anyway."""
 
+# In a face's list of edges, beside an edge's number: it is an edge of other faces, which ends at a corner of this one.
+FOREIGN = 1 << 30
+
+# How faces are seen, one bit each: from the front, and from behind.
+FROM_FRONT, FROM_BEHIND = 1, 2
+
 BAND_CORNERS, BAND_TRIANGLES = 6, 4
 """Corners and triangles of a band, which an edge is drawn as beside the surface (kernels/stages/wires.cl)."""
 

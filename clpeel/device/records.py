@@ -131,7 +131,7 @@ WIRE = np.dtype(
         ("inverse_length2", np.float32),
         ("reach", np.float32),  # half of its width where it begins, in the same subpixels; -1 if it is not seen
         ("growth", np.float32),  # how much more that is where it ends
-        ("face", np.uint32),  # of a band: the face beside it, whose strokes reach over the band, too
+        ("face", np.uint32),  # of a band: the face beside it, whose strokes reach over it, too; else FROM_FRONT | ...
     ]
 )
 """An edge as a view sees it, cut by the planes (kernels/stages/wires.cl)."""

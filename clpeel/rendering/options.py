@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, cast
@@ -50,7 +51,7 @@ def _checked_length(name: str, value: object) -> object:
 
 
 def _checked_angle(name: str, value: object) -> float:
-    found = checks.number(value)
+    found = math.nan if isinstance(value, bool) else checks.number(value)
     if not 0 <= found <= 180:
         raise InputError(f"{name}: expected degrees, 0..180, got {value!r}")
     return found

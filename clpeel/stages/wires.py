@@ -14,6 +14,7 @@ from clpeel.device.layout import (
     BAND_CORNERS,
     BAND_TRIANGLES,
     FIRST_ONE_SIDED,
+    FOREIGN,
     MOST_AROUND,
     PADDING,
     SECOND_ONE_SIDED,
@@ -56,9 +57,9 @@ class DeviceEdges:
     """The edges of a scene that may be drawn, on the device.
 
     edges: int32 [e, 4], vertices at the ends and across (Edges). kinds: uint8 [e], WIRED | ... (layout.py). lists:
-    uint32, for each face where its edges begin behind these m + 1 numbers, and then the edges. faces_of: int32 [e], a
-    face of each; first_faces: the same, on the host. places: uint32 [n]. around_starts, around: uint32, the edges that
-    end at each place. nbytes: of all on the device.
+    uint32, for each face where its edges begin behind these m + 1 numbers, and then the edges, some of them FOREIGN.
+    faces_of: int32 [e], a face of each; first_faces: the same, on the host. places: uint32 [n]. around_starts, around:
+    uint32, the edges that end at each place. nbytes: of all on the device.
     """
 
     count: int
@@ -86,7 +87,8 @@ def edges_on_device(gpu: Workspace, scene: Scene, wanted: Wanted) -> DeviceEdges
     kept = np.flatnonzero(wired | wanted.outlines | struck[found.faces].any(axis=1))
     number = np.full(len(found.ends), -1, np.int32)
     number[kept] = np.arange(len(kept))
-    lists[len(scene.faces) + 1 :] = number[lists[len(scene.faces) + 1 :]]
+    listed = lists[len(scene.faces) + 1 :]
+    listed[:] = number[listed & ~np.uint32(FOREIGN)].astype(np.uint32) | listed & np.uint32(FOREIGN)
     arrays = {
         "edges": np.concatenate([found.ends, found.apexes], axis=1)[kept],
         "kinds": _kinds(scene, found, wired)[kept],
@@ -129,8 +131,8 @@ def _around(places: NDArray[np.int32], count: int) -> tuple[NDArray[np.uint32], 
 def _lists(edges: Edges, wired: NDArray[np.bool_], faces: NDArray[np.int32]) -> NDArray[np.uint32]:
     """Return where the edges of each face begin in this very list, [m + 1], and then the edges.
 
-    A face has its own, and those that end at a corner where not both of its own are drawn. Where both are, one of them
-    is nearer than any edge beyond it.
+    A face has its own, and FOREIGN ones: those that end at a corner where not both of its own are drawn. Where both
+    are, one of them is nearer than any edge beyond it.
     """
     own = np.append(wired, False)[edges.of_face]  # -1, which is no edge, is not drawn
     face, side = np.nonzero(own)
@@ -146,7 +148,7 @@ def _lists(edges: Edges, wired: NDArray[np.bool_], faces: NDArray[np.int32]) -> 
     touching, face = drawn[around[first + np.arange(int(each.sum()))]], np.repeat(face, each)
     foreign = (edges.of_face[face] != touching[:, None]).all(axis=1)
     owners.append(face[foreign])
-    listed.append(touching[foreign])
+    listed.append(touching[foreign] | FOREIGN)
     owner, edge = np.concatenate(owners), np.concatenate(listed)
     order = np.argsort(owner, kind="stable")
     begin = np.zeros(len(faces) + 1, np.int64)

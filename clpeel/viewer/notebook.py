@@ -205,7 +205,7 @@ def bundle(scene: Scene) -> dict[str, Any] | None:
     camera = Camera.frame(scene, aspect=SIZE[0] / SIZE[1])
     try:
         viewer = Viewer(scene, View(camera, SIZE))
-        still = viewer.renderer.render(camera, SIZE, lighting="kit")
+        still = viewer.renderer.render(camera, SIZE)
     except ClpeelError as error:
         found["text/plain"] += f"\nno picture: {error}"
         return found

@@ -112,7 +112,7 @@ typedef struct {
     float4 color[3];
 #if WIRES
     uint source;
-    bool wired;  // whether edges are drawn on it
+    uint wired;  // if edges are drawn on it, FROM_FRONT or FROM_BEHIND; else 0
 #endif
 #if NORMALS
     float3 normal[3];
@@ -172,7 +172,7 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 {
     uint source = t->source;
 #if WIRES
-    f->source = source, f->wired = wired_face(shading, source);
+    f->source = source, f->wired = wired_face(shading, source) ? t->flags & BACK_FACING ? FROM_BEHIND : FROM_FRONT : 0;
     if (IS_BAND(shading, source)) source = 0;  // what a band would be without its edge does not show
 #endif
     uint3 vertex = load_face(shading->faces, source);
@@ -228,9 +228,9 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 }
 
 #if WIRES
-#define WIRED(face) ((face)->wired)
+#define IS_WIRED(face) ((face)->wired)
 #else
-#define WIRED(face) false
+#define IS_WIRED(face) false
 #endif
 
 // Asks for what face_of will load for the records pairs[from] .. pairs[to - 1]. These lie all over memory, and each is
@@ -796,7 +796,7 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
         else
             bits = shade_face(f, place, shading, view, sight, bits, colors);
         float unit = (float)(shades_samples(f) ? SUBPIXELS : SUBPIXELS * SHOWN_ROWS);
-        Reals covered = wires_over(&w, f->source, sight->x * ((float)SHOWN_ROWS / SHOWN_COLUMNS), sight->y, unit);
+        Reals covered = wires_over(&w, f->source, f->wired, sight->x * ((float)SHOWN_ROWS / SHOWN_COLUMNS), sight->y, unit);
         float4 *color = colors;
         for (uint left = bits; left; left &= left - 1, ++color)
             *color = with_wire(&w, *color, ONE_OF(float, covered, LOWEST_SHADED(left)));

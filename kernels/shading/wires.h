@@ -43,18 +43,22 @@ INLINE Reals wire_over(global const Wire *w, Reals x, Reals y, float unit)
 }
 
 // How much of these places the edges of a face cover: the one that covers most of each. A stroke of width below 0 covers
-// nothing.
-INLINE Reals wires_over(const Wires *w, uint source, Reals x, Reals y, float unit)
+// nothing. seen: FROM_FRONT or FROM_BEHIND. Foreign edges are drawn if one of their own faces is seen so. Others lie on the
+// other side of the body, and the face may be in front of them.
+INLINE Reals wires_over(const Wires *w, uint source, uint seen, Reals x, Reals y, float unit)
 {
     global const Wiring *wiring = w->wiring;
     Reals most = (Reals)(0.0f);
     uint face = source;
     if (is_band(w, source)) {
         global const Wire *own = w->wires + wiring->bands + (source - wiring->first_band) / BAND_TRIANGLES;
-        most = wire_over(own, x, y, unit), face = own->face;
+        most = wire_over(own, x, y, unit), face = own->face, seen = FROM_FRONT | FROM_BEHIND;
     }
     for (uint k = w->lists[face]; k < w->lists[face + 1]; ++k) {
-        Reals covered = wire_over(w->wires + w->lists[k], x, y, unit);
+        uint listed = w->lists[k];
+        global const Wire *wire = w->wires + (listed & ~FOREIGN);
+        if (listed & FOREIGN && !(wire->face & seen)) continue;
+        Reals covered = wire_over(wire, x, y, unit);
         most = MAX(most, covered);
     }
     return most;

@@ -144,7 +144,7 @@ kernel void cull_triangles(global const uint *faces, uint face_count, uint first
     if (palette) {
         UNROLL for (int j = 0; j < 3; ++j) corner[j] = band ? zero : corner[j];
         Ints opaque = is_opaque(palette, colors, packed, band ? zero : face, corner);
-        state |= opaque & listed & !band ? (Uints)(OPAQUE) : zero;
+        state |= (opaque & listed & !band) ? (Uints)(OPAQUE) : zero;
     }
     // Corners that run clockwise show the face from behind. Of clipped faces each piece is examined (stages/clipping.cl).
     if (single_sided || all_single_sided) {

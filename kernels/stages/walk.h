@@ -447,9 +447,9 @@ INLINE void colors_of(VECTOR(uint) payload, int strip, int tile_x, int tile_y, c
 typedef struct { uint step, room, strip_room; } Layout;
 
 // Emits the fragments of a tile's records, from place `begin` of `pairs` on, in these blocks (a bit each). If surfaces
-// are MIXED, only those in front of z_far are emitted (stages/opaque.h); with BEHIND, those of edges behind it. At the end each `next` is what it would be
-// with room for all, so it tells how many fragments there are. sources: where fragments have colours of their own,
-// receives their faces; NULL if nobody wants them.
+// are MIXED, only those in front of z_far are emitted (stages/opaque.h); with BEHIND, those of edges behind it. At the end
+// each `next` is what it would be with room for all, so it tells how many fragments there are. sources: where fragments
+// have colours of their own, receives their faces; NULL if nobody wants them.
 //
 // Fragments of a record in one of the picture's pixels may share a colour (shades_samples). Where a lane works alone, it
 // computes that once, and numbers colours as they come, from 0 on. So they grow with submission, too, and there are no
@@ -487,7 +487,9 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         prefetch_faces(batch->triangles, batch->pairs, place, asked_for, shading);
     }
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
-    if (BEHIND && !WIRED(&face)) continue;
+#if BEHIND
+    if (!IS_WIRED(&face)) continue;
+#endif
     VECTOR(uint) own = *places + (VECTOR(uint))(strip_start);
     uint fits = BITS_OF(*places < (VECTOR(uint))(layout->room));
 #if PATTERNED && LANES == 1
@@ -506,7 +508,8 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         place_on_face(to_shade_at, &face, &on_face);
         Sight sight = SIGHT(first, &face);
 #if PAINTED && LANES == 1
-        if (face.material && WAITS(face.material) && !WIRED(&face)) {
+        bool plain = !IS_WIRED(&face);
+        if (plain && face.material && WAITS(face.material)) {
             if (face.material != waiting.material || waiting.count > WAITING - SHADED)
                 paint_all(&waiting, shading, colors);
             Words to = ((const Words *)&own)[first / SHADED];

@@ -79,7 +79,6 @@ kernel void see_edges(global const int4 *edges, uint edge_count, global const uc
     wire.inverse_length2 = length2 > 0.0f ? 1.0f / length2 : 0.0f;
     wire.reach = MIN(half_width + half_by_depth * at[0].depth, most);
     wire.growth = MIN(half_width + half_by_depth * at[1].depth, most) - wire.reach;
-    wires[id] = wire;
     int found[2] = {0, 0}, apexes[2] = {edge.z, edge.w};
     for (int k = 0; k < 2; ++k) {
         if (apexes[k] < 0) continue;
@@ -98,8 +97,10 @@ kernel void see_edges(global const int4 *edges, uint edge_count, global const uc
         // counts as seen from the front, at all of its edges, so that outlines are closed.
         int behind = k == 0 || kind & ALIKE ? 1 : -1;
         if (!found[k] && !(apex.outcode & NOT_FINITE)) found[k] = -behind;
+        if (found[k]) wire.face |= found[k] == behind ? FROM_BEHIND : FROM_FRONT;
         if ((one_sided || kind & (k == 0 ? FIRST_ONE_SIDED : SECOND_ONE_SIDED)) && found[k] == behind) found[k] = 0;
     }
+    wires[id] = wire;
     if (found[0] * found[1] >= 0) sides[id] = (char)(found[0] ? -found[0] : -found[1]);
 }
 
@@ -131,7 +132,8 @@ INLINE BandEnd band_end(const Way *way, float n_x, float n_y, float width, const
 
 // chosen: the edges that have bands. outlines: whether all of these are drawn, on bands as wide as a whole stroke, as little
 // of an outline may be seen on the surface. Else those that are WIRED are, on bands of half the width. faces_of: a face of
-// each edge. margin: how much wider than seen a band is, in subpixels, so that its rim can be smooth. places: for each vertex the same number as for all others at its place. around_starts, around: the edges that
+// each edge. margin: how much wider than seen a band is, in subpixels, so that its rim can be smooth. places: for
+// each vertex the same number as for all others at its place. around_starts, around: the edges that
 // end at each place. band_wires: receives the wires of bands. faces: receives their triangles, from first_face on.
 // vertices: receives their corners, from first_vertex on.
 kernel void expand_bands(global const uint *chosen, uint band_count, global const int4 *edges, global const char *sides,

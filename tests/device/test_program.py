@@ -71,6 +71,9 @@ BUILDS = [
     (64, True, "scene", "mixed", {"materials": True, "levels": True}),
     (1, False, "face", "mixed", {**LIT, "linear": True}),
     (64, True, "vertex", "transparent", {"linear": True}),
+    (1, True, "scene", "transparent", {"wires": True}),
+    (1, True, "face", "mixed", {**LIT, "wires": True}),
+    (64, False, "vertex", "mixed", {**EVERYTHING, "wires": True}),
 ]
 
 
@@ -92,6 +95,8 @@ OTHERS = [
     ("techniques/thickness.cl", {"PERSPECTIVE": 0, "VARIANT": 1}),
     ("stages/setup.cl", {"LOW_POSITIONS": 1}),
     ("stages/expand.cl", {"LOW_POSITIONS": 1}),
+    ("stages/wires.cl", {"LOW_POSITIONS": 1}),
+    ("techniques/sort.cl", {"BEHIND": 1}),
     *((f"techniques/{name}.cl", {**targets.constants, **more}) for name, targets, more in BY_PASSES),
 ]
 

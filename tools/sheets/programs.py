@@ -59,7 +59,7 @@ def drawn(scene: clpeel.Scene, camera: clpeel.Camera, view: View) -> Image.Image
     lighting: Lighting = "headlight" if view.lit else "none"
     if view.own:
         lighting = "scene" if scene.lights else "kit"
-    options: Keywords = {"samples": 4} if view.own else {}
+    options: Keywords = {"samples": 4 if view.own else 1}
     result = clpeel.render(scene, camera, (SIDE, SIDE), background=BACKGROUND, lighting=lighting, **options)
     return Image.fromarray(result.image)
 
