@@ -62,7 +62,8 @@ def short_cases() -> list[Case]:
 
 
 # Prints a line for each picture: the number of the case, and whether both devices give the same bits. Pictures with so
-# many lanes take turns: flat colours; lit, with opaque surfaces and colours that vary over faces; with textures.
+# many lanes take turns: flat colours; lit, with opaque surfaces and colours that vary over faces; with textures; by
+# the kit, with four samples, edges and outlines; with lights and maps of its own.
 # Kernels with textures take drivers a while to compile. So each technique has textures in one precision and variant.
 SCRIPT = """
 import json, sys
@@ -117,8 +118,10 @@ def drawn(device, number, technique, options, lanes):
     place = next(each.number for each in list_devices() if each.device == device.device)
     few = {"half", "unorm8", "exact"} & {str(value) for value in options.values()}
     scene, lighting = scenes[(number + number // 2 + 2) % (2 if few else len(scenes))]
+    kit = {"samples": 4, "edges": True, "silhouettes": True, "edge_opacity": 0.7}
+    kit = kit if lighting == "kit" else {"samples": 1}
     return clpeel.Renderer(scene, place, lanes).render(
-        size=(70, 50), technique=technique, lighting=lighting, background=(0.2, 0.4, 0.8), **options)
+        size=(70, 50), technique=technique, lighting=lighting, background=(0.2, 0.4, 0.8), **kit, **options)
 
 def arrays(result):
     return [result.image, result.color, *(result.map(name) for name in sorted(result.maps))]

@@ -31,7 +31,7 @@ images, lanes = {}, 0
 for number, (technique, options) in enumerate(pictures):
     lighting = ("none", "headlight")[number % 2]
     result = clpeel.render(
-        scene, size=(16, 12), technique=technique, lighting=lighting, device=device or None, lanes=64, **options
+        scene, None, (16, 12), technique, lighting=lighting, samples=1, device=device or None, lanes=64, **options
     )
     images[f"{technique} {options}"], lanes = result.image, result.stats["lanes"]
 np.savez(out, lanes=lanes, **images)

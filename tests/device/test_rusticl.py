@@ -54,7 +54,7 @@ faces = np.arange(18).reshape(-1, 3)
 colors = np.random.default_rng(5).integers(20, 200, (6, 4), dtype=np.uint8)
 scene = clpeel.Scene.from_arrays(corners, faces, face_colors=colors)
 renderer = clpeel.Renderer(scene, device=device or None, lanes=64)
-found = {name: renderer.render(size=(24, 20), technique=name).color for name in techniques}
+found = {name: renderer.render(size=(24, 20), technique=name, lighting="none", samples=1).color for name in techniques}
 np.savez(out, **found)
 """
 

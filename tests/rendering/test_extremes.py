@@ -737,11 +737,11 @@ def test_25_lanes_and_repeats(colors: str, judge: Judge) -> None:
 THREADS = """
 import hashlib, sys
 sys.path.insert(0, sys.argv[1])
-import clpeel
+import plainly
 from twins import soups
 soup = soups.random(27, 150, "large", "vertex")
 for lanes in (1, 64):
-    result = clpeel.render(soup.scene(), soups.BENCH.camera(), size=(100, 70), lanes=lanes)
+    result = plainly.render(soup.scene(), soups.BENCH.camera(), size=(100, 70), lanes=lanes)
     print(hashlib.sha256(result.color.tobytes() + result.image.tobytes()).hexdigest())
 """
 

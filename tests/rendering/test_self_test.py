@@ -304,7 +304,7 @@ def test(*arguments):
     return found
 self_test._tested = test
 renderer = clpeel.Renderer(scene)
-renderer.render(size=size, **options)
+renderer.render(size=size, **{"background": "white", "lighting": "none", "samples": 1, **options})
 print(json.dumps([sorted(compiled()), seconds]))
 """
 

@@ -275,7 +275,7 @@ import sys, threading, {qt}.QtWidgets, clpeel, numpy as np
 from clpeel.viewer.open import view
 
 scene = clpeel.load(sys.argv[1], opacity=0.5)
-want = clpeel.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), (400, 300), lighting="kit").image
+want = clpeel.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), (400, 300), samples=1).image
 
 def look():
     from rendercanvas.qt import loop
