@@ -221,7 +221,7 @@ OUTLINES: dict[str, tuple[dict[str, Any], float]] = {
     "edges": ({"edges": True}, 0.5),
     "features": ({"feature_edges": 0.0}, 0.5),
     "silhouettes": ({"silhouettes": True}, 1.0),
-    "both": ({"edges": True, "silhouettes": True}, 0.5),
+    "both": ({"edges": True, "silhouettes": True}, 1.0),
 }
 
 
