@@ -185,7 +185,7 @@ def _texture(texture: Any) -> Texture | None:
 
 
 def as_linear(scene: Scene) -> Scene:
-    """Return the scene with the colours of its faces made linear, as materials have them, but not of lines and points."""
+    """Return the scene with the colours of its faces made linear, as materials have them; not of lines and points."""
     colors = as_float(scene.colors).copy()
     if scene.vertex_colors is not None:
         own: NDArray[Any] = np.unique(scene.faces)
