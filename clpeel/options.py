@@ -132,7 +132,8 @@ def _unchecked(name: str, value: object) -> object:
 
 
 def _choices(annotation: object) -> tuple[str | int, ...]:
-    parts = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
+    union = typing.get_origin(annotation) in (types.UnionType, typing.Union)
+    parts = typing.get_args(annotation) if union else (annotation,)
     return tuple(value for part in parts if typing.get_origin(part) is Literal for value in typing.get_args(part))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plainly
 import pytest
 
 import clpeel
@@ -78,5 +79,5 @@ def test_one_name_for_many_faces_is_refused() -> None:
 def test_the_background_of_a_picture_by_name() -> None:
     scene = clpeel.Scene.from_arrays(*TRIANGLE, color="red")
     away = clpeel.Camera((0, 0, 5), (0, 0, 9))
-    image = clpeel.render(scene, away, (2, 2), background="navy").image
+    image = plainly.render(scene, away, (2, 2), background="navy").image
     assert (image == [0, 0, 128, 255]).all()

@@ -96,7 +96,9 @@ def measured(
     least = (np.inf, np.inf)
     spent = 0.0
     for repeat in range(REPEATS + 1):
-        stats = renderer.render(camera, size, technique.name, lighting=lighting, keep_color=False, **given).stats
+        stats = renderer.render(
+            camera, size, technique.name, lighting=lighting, samples=1, keep_color=False, **given
+        ).stats
         seconds = dict(stats.seconds)
         spent += seconds.pop("total")
         seconds.pop("host")

@@ -97,7 +97,7 @@ def main() -> None:
     scene = demo_scene()
     camera = clpeel.Camera.frame(scene, DIRECTION, aspect=SIZE[0] / SIZE[1]).zoom(ZOOM)
     vars(clpeel.stages.frame)["Peeler"] = Watched
-    options: dict[str, Any] = {"lighting": "headlight", "execution": "passes"}
+    options: dict[str, Any] = {"background": "white", "lighting": "headlight", "samples": 1, "execution": "passes"}
     clpeel.render(scene, camera, SIZE, "dual-depth-peeling", **options)
     montage(Watched.passes).save(OUTPUT)
 

@@ -60,7 +60,10 @@ def lines() -> Image.Image:
     angle = float(np.degrees(2 * np.arctan(SIZE / 2)))
     camera = clpeel.Camera((0, 0, 1), (0, 0, 0), view_angle=angle, clipping_range=(0.25, 4), orthographic=True)
     renderer = clpeel.Renderer(fan())
-    drawn = [renderer.render(camera, (SIZE, SIZE), samples=number).image[..., :3] for number in NUMBERS]
+    drawn = [
+        renderer.render(camera, (SIZE, SIZE), background="white", lighting="none", samples=number).image[..., :3]
+        for number in NUMBERS
+    ]
     picture = Image.fromarray(np.concatenate(drawn, axis=1))
     return picture.resize((picture.width * ENLARGED, picture.height * ENLARGED), Image.Resampling.NEAREST)
 

@@ -29,7 +29,7 @@ def main() -> None:
     camera = clpeel.Camera.frame(renderer.scene, DIRECTION, aspect=SIZE[0] / SIZE[1]).zoom(ZOOM)
     wanted: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in TECHNIQUES} | STOPPED
     for done, (name, (technique, options)) in enumerate(wanted.items(), 1):
-        result = renderer.render(camera, SIZE, technique, lighting="headlight", samples=SAMPLES, **options)
+        result = renderer.render(camera, SIZE, technique, "white", "headlight", samples=SAMPLES, **options)
         result.save(FOLDER / f"{name}.png")
         print(f"{done}/{len(wanted)} {name}", file=sys.stderr)
     found = clpeel.complexity(renderer.scene, camera, SIZE)

@@ -33,6 +33,8 @@ class Keywords(TypedDict, total=False):
 
 def spelled(annotation: object) -> str:
     """Return a type as it is written in a source file."""
+    if typing.get_origin(annotation) is typing.Union:  # what a Literal | None is
+        return " | ".join(map(spelled, typing.get_args(annotation)))
     if isinstance(annotation, type) and not typing.get_args(annotation):
         return "None" if annotation is type(None) else annotation.__name__
     return str(annotation).replace("typing.", "").replace("collections.abc.", "").replace("'", '"')

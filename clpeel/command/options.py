@@ -9,7 +9,7 @@ from typing import Literal
 
 from clpeel.command import values
 from clpeel.options import Option, options_of
-from clpeel.rendering.options import COMMAND_BACKGROUND, COMMAND_SAMPLES, PictureOptions
+from clpeel.rendering.options import BACKGROUND, SAMPLES, PictureOptions
 from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
@@ -17,7 +17,7 @@ PICTURE = {each.name: each for each in options_of(PictureOptions)}
 EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity", "hidden_edges")
 """Options of all pictures that say which edges of faces are drawn, and how."""
 
-METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy")
+METHOD = ("opaque", "depth_format", "execution", "backface_type", "anisotropy", "blending_space")
 """Options of all pictures whose flags stand beside those of the techniques."""
 
 MARKS = ("line_width", "point_size", "point_type")
@@ -124,7 +124,7 @@ def _add_view_options(
 def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str = "in pixels") -> None:
     """Add the options of the picture's size and of the scene's colours."""
     add = group.add_argument
-    shown = "#" + "".join(f"{round(level * 255):02x}" for level in COMMAND_BACKGROUND)
+    shown = "#" + "".join(f"{round(level * 255):02x}" for level in BACKGROUND)
     add(
         "--resolution",
         type=values.resolution,
@@ -135,7 +135,7 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
     add(
         "--background-color",
         type=values.background,
-        default=COMMAND_BACKGROUND,
+        default=BACKGROUND,
         metavar="COLOR",
         help=f"{PICTURE['background'].help} (default: {shown}, a light grey)",
     )
@@ -194,7 +194,7 @@ def _add_camera_options(parser: argparse.ArgumentParser) -> None:
 def _add_method_options(parser: argparse.ArgumentParser, samples: int | None) -> None:
     """Add the options of all commands that render: how they do it, and what they say.
 
-    samples: a pixel; None for COMMAND_SAMPLES where the technique makes no map.
+    samples: a pixel; None for SAMPLES where the technique makes no map.
     """
     group = parser.add_argument_group("method")
     _add_technique_options(group)
@@ -204,7 +204,7 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int | None) ->
     group.add_argument("--map", metavar="FILE.npy", help=text)
     each = PICTURE["samples"]
     if samples is None:
-        each = replace(each, help=f"{each.help} (default: {COMMAND_SAMPLES}, or 1 for a map)")
+        each = replace(each, help=f"{each.help} (default: {SAMPLES}, or 1 for a map)")
     add_option(group, each, samples)
     _add_device_options(group)
 

@@ -133,13 +133,8 @@ def given_options(options: argparse.Namespace, scene: Scene | None = None) -> di
 
     scene: None if it is not known yet.
     """
-    from clpeel.rendering.options import COMMAND_SAMPLES
-    from clpeel.techniques import AUTO, technique
-
     names = (*technique_options(), *METHOD, *MARKS, *EDGES, "samples", "memory", "light_intensity", "highlights")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
-    if options.samples is None and (options.technique == AUTO or not technique(options.technique).maps):
-        given["samples"] = COMMAND_SAMPLES
     return {
         **given,
         "size": options.resolution,

@@ -165,8 +165,8 @@ SMALL, BACK_FACING, OPAQUE, TURNED = 1, 2, 4, 8
 WIRED, FIRST_ONE_SIDED, SECOND_ONE_SIDED, ALIKE = 1, 2, 4, 8
 
 MOST_AROUND = 64
-"""Where more edges than this end at one place, most of them are not looked at: not by faces, which have only their own
-then (stages/wires.py), nor by bands, which are not joined to them. Strokes overlap there anyway."""
+"""Where more edges than this are drawn that end at one place, faces there have only their own: lists would be long, and
+strokes overlap there anyway."""
 
 BAND_CORNERS, BAND_TRIANGLES = 6, 4
 """Corners and triangles of a band, which an edge is drawn as beside the surface (kernels/stages/wires.cl)."""
@@ -243,6 +243,7 @@ class Features:
     maps: bool = False  # textures say what some materials are, besides their colours
     full_highlights: bool = False  # what highlights lie on does not dim them
     wires: bool = False  # edges are drawn (kernels/shading/wires.h)
+    linear: bool = False  # colours are blended as linear light, instead of as they are shown
 
     @property
     def fragment_color(self) -> bool:
@@ -291,5 +292,6 @@ class Features:
             "PROBES": self.probes,
             "PATTERN": f"{self.pattern:#x}u",
             "DEPTH_FORMAT": DEPTH_FORMATS.index(self.depth_format),
+            "LINEAR": int(self.linear),
         }
         return [f"-D{name}={value}" for name, value in flags.items()]

@@ -113,7 +113,7 @@ LAMP = np.dtype(
 
 WIRING = np.dtype(
     [
-        ("color", np.float32, 4),  # sRGB, and its opacity
+        ("color", np.float32, 4),  # sRGB, or linear where blending is, and its opacity
         ("first_band", np.uint32),  # the first triangle of bands, behind all others
         ("bands", np.uint32),  # where their wires begin, behind those of edges
         ("faces", np.uint32),  # of the scene, which have lists of edges

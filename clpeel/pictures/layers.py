@@ -110,7 +110,7 @@ class Layers:
         """Return the layers blended front to back: float32 [height, width, 4], premultiplied, without the background.
 
         The float32 operations are the same as the kernels' (blending.h). So if no layer is missing, the bits are those
-        of `Result.color` by `sort`.
+        of `Result.color` by `sort`, unless that was blended as linear light: layers are colours as they are shown.
         """
         rgb, through = self._blended()
         return np.concatenate([rgb, np.float32(1) - through], axis=-1)
@@ -134,7 +134,8 @@ class Layers:
         """Return the picture made from the layers: uint8 [height, width, 4], row 0 on top.
 
         background: a colour, a pair (top, bottom), or None for straight alpha. If no layer is missing, the bits are
-        those of `Result.image` by `sort` over the same background. Raises InputError if the background is invalid.
+        those of `Result.image` by `sort` over the same background, as for `blended`. Raises InputError if the
+        background is invalid.
         """
         return over_background(*self._blended(), background)
 

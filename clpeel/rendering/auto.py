@@ -17,6 +17,7 @@ from clpeel.options import Options
 from clpeel.pictures.png import STEP
 from clpeel.rendering.estimates import cost_of, work_of
 from clpeel.rendering.request import Request
+from clpeel.rendering.shown_errors import may_hide, rounding_of, steepest
 from clpeel.stages.binning import Batch, Tiles
 from clpeel.stages.counting import TileCounts, look_at_some
 from clpeel.stages.frame import float32_below
@@ -93,12 +94,12 @@ def took(seconds: float, nbytes: int) -> str:
     return "{} ms, {} MiB".format(*texts)
 
 
-def error_for_8_bits(layers: int) -> float:
-    """The greatest error that skipping may make in so many layers.
+def error_for_8_bits(layers: int, linear: bool = False) -> float:
+    """The greatest error that skipping may make in so many layers. linear: if they are blended as linear light.
 
     Together with rounding, no 8-bit value is then off by more than one step.
     """
-    return max(STEP - blending_bound(layers), 0.0)
+    return max(STEP - rounding_of(blending_bound(layers), linear), 0.0)
 
 
 def layers_seen(max_error: float, mean: float, deviation: float) -> int:
@@ -115,10 +116,13 @@ def layers_seen(max_error: float, mean: float, deviation: float) -> int:
     return max(math.ceil(root**2 - 1e-6), 1)
 
 
-def candidates(max_error: float, most_layers: int, most_alpha: float) -> Iterator[tuple[AnyTechnique, Options]]:
+def candidates(
+    max_error: float, most_layers: int, most_alpha: float, linear: bool = False
+) -> Iterator[tuple[AnyTechnique, Options]]:
     """Yields the techniques, with options, that keep to max_error.
 
-    most_layers: no pixel has more. most_alpha: the greatest alpha of a transparent colour.
+    most_layers: no pixel has more. most_alpha: the greatest alpha of a transparent colour. linear: whether colours are
+    blended as linear light.
     """
     for technique in TECHNIQUES.values():
         if technique.exact and issubclass(technique.options, Bounded):
@@ -126,7 +130,7 @@ def candidates(max_error: float, most_layers: int, most_alpha: float) -> Iterato
                 yield technique, replace(variant, max_error=max_error)
         else:
             error = technique.error_without_order(most_layers, most_alpha)
-            if error is not None and error <= max_error:
+            if error is not None and steepest(linear) * error <= max_error:
                 yield technique, technique.options()
 
 
@@ -159,10 +163,10 @@ def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budge
     gpu, triangles = tiles.gpu, tiles.triangles
     most_layers = int(tiles.tile_pairs.max())  # the longest list: no pixel has more layers
     asked = request.max_error
-    error = error_for_8_bits(most_layers + 1) if asked is None else float32_below(asked)
+    error = error_for_8_bits(most_layers + 1, request.linear) if asked is None else float32_below(asked)
     features, records = triangles.features, int(batch.tile_pairs.sum())
     depths = triangles.scene.scene.optical_depths
-    seen = layers_seen(error, depths.mean, depths.deviation)
+    seen = layers_seen(may_hide(error, request.linear), depths.mean, depths.deviation)
     found: TileCounts | None = None
     if features.surfaces != "opaque" and records >= FEW_RECORDS:
         found = look_at_some(gpu, triangles, batch)
@@ -171,7 +175,8 @@ def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budge
     choices = []
     # A highlight may cover all, and so may an edge.
     covering = features.wires or (request.lit is not None and request.lit.full_highlights)
-    for technique, options in candidates(error, most_layers, 1.0 if covering else depths.most_alpha):
+    most_alpha = 1.0 if covering else depths.most_alpha
+    for technique, options in candidates(error, most_layers, most_alpha, request.linear):
         if request.picture.layers and not technique.sorts:
             continue
         capacity = capacity_of(technique, features, budget)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clpeel.device.memory import Budget
 from clpeel.device.workspace import Workspace
+from clpeel.pictures.background import rows_of
 from clpeel.pictures.layers import over_background
 from clpeel.rendering.auto import capacity_of
 from clpeel.rendering.request import Request
+from clpeel.scene.arrays import AnyArray
+from clpeel.scene.textures import linear, srgb
 from clpeel.stages.binning import bin_triangles
 from clpeel.stages.composite import Finished, Picture
 from clpeel.stages.frame import Frame
@@ -27,19 +32,37 @@ def with_hidden_edges(
     finished: the picture, with its colours.
     """
     seen = triangles.seen
-    if seen is None or seen.behind is None:
+    # Without opaque surfaces nothing is hidden.
+    if seen is None or seen.behind is None or triangles.features.surfaces != "mixed":
         return finished
     sort, shared = technique("sort"), Bounded()
     triangles = replace(triangles, seen=replace(seen, shading=seen.behind))
     tiles = bin_triangles(gpu, triangles, budget.lists)  # again, as lists are made once
     picture = Picture(gpu, request.picture.size, keep_color=True)
-    target = picture.begin(request.picture.pattern, None)
+    target = picture.begin(request.picture.pattern, None, request.linear)
     frame = Frame(gpu, triangles, target, capacity_of(sort, triangles.features, budget), budget)
     for batch in tiles.batches(budget.batch):
         frame.once(batch, sort.kernel, {**shared.constants, "BEHIND": 1}, scratch_bytes=sort.scratch_bytes)
     picture.fetch()
     over, under = picture.color, finished.color
     assert over is not None and under is not None  # the renderer sees to it
-    color = over + (np.float32(1) - over[..., 3:]) * under
-    image = over_background(color[..., :3], np.float32(1) - color[..., 3:], request.picture.over)
+    background = request.picture.over
+    if not request.linear:
+        color = over + (1 - over[..., 3:]) * under
+        image = over_background(color[..., :3], 1 - color[..., 3:], background)
+    else:
+        light = _converted(over, linear) + (1 - over[..., 3:]) * _converted(under, linear)
+        color, through = _converted(light, srgb), 1 - light[..., 3:]
+        if background is None:
+            image = over_background(color[..., :3], through, None)
+        else:
+            shown = srgb(light[..., :3] + through * linear(rows_of(background, len(light))))
+            image = over_background(shown.astype(np.float32), np.zeros_like(through), background)
     return Finished(image, color if request.picture.keep_color else None, finished.maps, finished.stats)
+
+
+def _converted(color: NDArray[np.float32], convert: Callable[[AnyArray], AnyArray]) -> NDArray[np.float32]:
+    """Return premultiplied colours [..., 4] whose straight colours are converted."""
+    rgb, alpha = color[..., :3], color[..., 3:]
+    straight = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
+    return np.concatenate([convert(straight) * alpha, alpha], axis=-1).astype(np.float32)

@@ -12,7 +12,7 @@ class Keywords(TypedDict, total=False):
     """What the light of kit and scene is multiplied with (default: 1)."""
     highlights: Literal["dimmed", "full"]
     """Highlights of transparent surfaces: dimmed by their alpha (default), or full, as of glass."""
-    samples: Literal[1, 4, 8, 16, 64, 256]
+    samples: Literal[1, 4, 8, 16, 64, 256] | None
     """Samples a pixel, averaged for smooth edges: 1, 4, 8, 16, 64 or 256."""
     memory: int | str | None
     """Device memory to use, such as 512M or 2G (default: a share of the device's)."""
@@ -48,6 +48,8 @@ class Keywords(TypedDict, total=False):
     """Opacity of edges and outlines that opaque surfaces hide, which shine through (default: 0)."""
     depth_format: Literal["float32-reversed", "float32", "unorm24", "rgba8"]
     """What is kept of depths (default: float32-reversed)."""
+    blending_space: Literal["srgb", "linear"]
+    """Blend colours as they are shown (srgb, default), or as light that adds up (linear)."""
     precision: Literal["float32", "half", "unorm8"]
     """Of the buffers that colours are blended into, each blend rounded as hardware does."""
     max_error: float | None

@@ -201,14 +201,16 @@ class Stack:
     """The fragments of each sample, the nearest first; of equal distances, the first submitted one first.
 
     All arrays are [samples, faces], and [samples, faces, 4] for color. present: whether there is a fragment; those that
-    there are come first. color: straight. light: the headlight's share of it, 1 if unlit; color has it. distance: along
-    the view axis. back: whether the face is seen from behind. opaque: whether it is drawn first and hides what is
-    behind. Then only the nearest such fragment is here, and nothing behind it. face: its number.
+    there are come first. color: straight, as it is blended. light: the headlight's share of it, 1 if unlit; color has
+    it. surface: the same colour without it, [samples, faces, 3]. distance: along the view axis. back: whether the face
+    is seen from behind. opaque: whether it is drawn first and hides what is behind. Then only the nearest such fragment
+    is here, and nothing behind it. face: its number.
     """
 
     present: NDArray[np.bool_]
     color: Floats
     light: Floats
+    surface: Floats
     distance: Floats
     back: NDArray[np.bool_]
     opaque: NDArray[np.bool_]
@@ -307,7 +309,10 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool, pattern:
         color = _under_lights(wanted, color, np.append(ray * away if wanted.perspective else ray, -away, axis=-1))
     opaque = present & bool(opaque_first) & (values[..., 3] == 1).all(axis=1)
     light = np.broadcast_to(_light(wanted), present.shape)
+    surface = color[..., :3].copy()
     color[..., :3] *= light[..., None]
+    if wanted.features.linear and not wanted.features.lights:
+        surface, color[..., :3] = linear(surface), linear(color[..., :3])
 
     order = np.argsort(np.where(present, np.round(distance / LEAST_APART), np.inf), axis=1, kind="stable")
 
@@ -322,6 +327,7 @@ def stack_of(wanted: Wanted, size: tuple[int, int], opaque_first: bool, pattern:
         here,
         ordered(color) * here[..., None],
         ordered(light),
+        ordered(surface),
         np.round(ordered(distance) / LEAST_APART) * LEAST_APART,
         ordered(back),
         opaque & here,
@@ -365,10 +371,12 @@ def _under_lights(wanted: Wanted, color: Floats, place: Floats) -> Floats:
         )
     finish = replace(MATT, emissive=KNOWN_EMISSIVE) if wanted.features.maps else MATT
     base, highlight = under_lights(linear(color[..., :3]), normals, place, lights, finish, wanted.perspective)
-    shown = np.minimum(srgb(base + highlight), 1.0)
+    shown, plain = np.minimum(base + highlight, 1.0), np.minimum(base, 1.0)
+    if not wanted.features.linear:
+        shown, plain = srgb(shown), srgb(plain)
     if not wanted.features.full_highlights:
         return np.append(shown, color[..., 3:], axis=-1)
-    return np.concatenate(covering(shown, np.minimum(srgb(base), 1.0), color[..., 3:]), axis=-1)
+    return np.concatenate(covering(shown, plain, color[..., 3:]), axis=-1)
 
 
 def _light(wanted: Wanted) -> Floats:
@@ -473,10 +481,11 @@ def translucency(stack: Stack, wanted: Wanted, technique: AnyTechnique, options:
     lengths, unpaired = _lengths(stack, wanted, options)
     low, high = wanted.scene().bounds
     through = np.exp(-OPTICAL_DIAGONAL / np.linalg.norm(high - low) * lengths)[:, None]
-    light = stack.light[:, :1]
-    surface = stack.color[:, 0, :3] / light
-    reflected = REFLECTANCE * light * surface
-    lit = reflected + (1 - reflected) * surface * np.array(LIGHT_COLOR) * through
+    surface, behind = stack.surface[:, 0], np.array(LIGHT_COLOR)
+    if wanted.features.linear:
+        behind = linear(behind)
+    reflected = REFLECTANCE * stack.light[:, :1] * surface
+    lit = reflected + (1 - reflected) * surface * behind * through
     color = np.concatenate([lit, np.zeros_like(through)], axis=1)
     shown = np.where(stack.present[:, :1], color, (0.0, 0.0, 0.0, 1.0))
     return shown, {"thickness": lengths, "unpaired": unpaired.astype(np.float64)}

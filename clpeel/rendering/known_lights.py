@@ -75,7 +75,7 @@ def under_lights(
 def covering(with_highlight: Floats, without: Floats, alpha: Floats) -> tuple[Floats, Floats]:
     """Return colours, straight, and alphas [..., 1] of surfaces whose highlights cover what they lie on (shade.h).
 
-    with_highlight, without: what they would show if they were opaque, sRGB 0..1, [..., 3].
+    with_highlight, without: what they would be if they were opaque, as it is blended, 0..1, [..., 3].
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(without < 1, (with_highlight - without) / (1 - without), 0.0)

@@ -19,16 +19,15 @@ Highlights = Literal["dimmed", "full"]
 Opaque = Literal["first", "blend"]
 Execution = Literal["tiles", "passes"]
 Backfaces = Literal["default", "visible", "hidden"]
+BlendingSpace = Literal["srgb", "linear"]
 
-COMMAND_BACKGROUND: Rgb = (200 / 255, 204 / 255, 210 / 255)
-"""What the command puts behind a scene: a light grey, before which white things show and black ones, and those that let
-light through. In Python it is white, as in the papers.
+BACKGROUND: Rgb = (200 / 255, 204 / 255, 210 / 255)
+"""Behind a scene by default: a light grey, before which white things show and black ones, and those that let light
+through.
 """
 
-COMMAND_SAMPLES = 4
-"""Samples a pixel of pictures that the command draws. Maps, such as thicknesses, have 1: there the pixel's centre
-counts. In Python it is 1, as in the papers.
-"""
+SAMPLES = 4
+"""Samples a pixel by default. Maps, such as thicknesses, and layers have 1: there the pixel's centre counts."""
 
 
 def _checked_size(name: str, value: object) -> object:
@@ -70,7 +69,8 @@ class PictureOptions(Options):
     """The options of all pictures, whatever the technique.
 
     size: (width, height) in pixels. background: three numbers 0..1, text such as "white", a pair of these for a
-    gradient from top to bottom, or None for straight alpha. memory: bytes of the device's memory that the scene and all
+    gradient from top to bottom, or None for straight alpha. samples, lighting: None for the defaults of a technique and
+    a scene (rendering/request.py). memory: bytes of the device's memory that the scene and all
     buffers except the picture may take, or text such as "512M"; None for a share of the device's memory. execution:
     "tiles" makes all passes of a tile in one kernel. "passes" is the papers' machine: launches over all fragments and
     all pixels, with atomics as the blending hardware.
@@ -78,14 +78,14 @@ class PictureOptions(Options):
 
     size: Size = option((1024, 1024), Kind(_checked_size, metavar="W,H"), help="width and height in pixels")
     background: GivenBackground = option(
-        (1.0, 1.0, 1.0),
+        BACKGROUND,
         Kind(_checked_background, metavar="COLOR"),
         help="R,G,B in 0..1, #rrggbb or a name; TOP:BOTTOM for a gradient",
     )
-    lighting: Lighting = option(
-        "none",
+    lighting: Lighting | None = option(
+        None,
         help="none (the colours as given), headlight (dimmed by a light at the camera), kit (lights that move with "
-        "the camera) or scene (the scene's own lights)",
+        "the camera) or scene (the scene's own lights); by default scene if it has lights, else kit",
     )
     light_intensity: float = option(
         1.0,
@@ -95,8 +95,8 @@ class PictureOptions(Options):
     highlights: Highlights = option(
         "dimmed", help="highlights of transparent surfaces: dimmed by their alpha (default), or full, as of glass"
     )
-    samples: Literal[1, 4, 8, 16, 64, 256] = option(
-        1, help="samples a pixel, averaged for smooth edges: 1, 4, 8, 16, 64 or 256"
+    samples: Literal[1, 4, 8, 16, 64, 256] | None = option(
+        None, help="samples a pixel, averaged for smooth edges: 1, 4, 8, 16, 64 or 256"
     )
     memory: int | str | None = option(
         None, MEMORY, help="device memory to use, such as 512M or 2G (default: a share of the device's)"
@@ -133,6 +133,9 @@ class PictureOptions(Options):
         0.0, SHARE, help="opacity of edges and outlines that opaque surfaces hide, which shine through (default: 0)"
     )
     depth_format: DepthFormat = option("float32-reversed", help="what is kept of depths (default: float32-reversed)")
+    blending_space: BlendingSpace = option(
+        "srgb", help="blend colours as they are shown (srgb, default), or as light that adds up (linear)"
+    )
 
     def check_together(self) -> None:
         """Raises InputError if samples make the picture or its lines too large, or for layers with several samples."""
@@ -147,13 +150,13 @@ class PictureOptions(Options):
             if not isinstance(width, str) and width * side > MOST_WIDTH:
                 pixels = f"{MOST_WIDTH // side:,} pixels with {self.samples} samples"
                 raise InputError(f"{name}: expected at most {pixels}, got {width:g}")
-        if self.layers and self.samples != 1:
+        if self.layers and self.samples not in (None, 1):
             raise InputError(f"layers: expected samples=1, got {self.samples!r}")
 
     @property
     def pattern(self) -> Pattern:
         """Where the samples of a pixel lie."""
-        return PATTERNS[self.samples]
+        return PATTERNS[self.samples or 1]
 
     @property
     def over(self) -> Background | None:

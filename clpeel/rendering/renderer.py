@@ -25,9 +25,10 @@ from clpeel.rendering import self_test
 from clpeel.rendering.auto import Choice, capacity_of, chosen_for
 from clpeel.rendering.blank import why_blank
 from clpeel.rendering.hidden_edges import with_hidden_edges
-from clpeel.rendering.options import Lighting, Size
+from clpeel.rendering.options import BACKGROUND, Lighting, Size
 from clpeel.rendering.request import Progress, Request
 from clpeel.rendering.result import Clock, Result, Stats, stats_of
+from clpeel.rendering.shown_errors import error_of, rounding_of
 from clpeel.scene.arrays import checked_opacity
 from clpeel.scene.camera import GivenCamera
 from clpeel.scene.normals import with_normals
@@ -41,7 +42,7 @@ from clpeel.stages.outlines import SQUARE, Shape, shape_of
 from clpeel.stages.projection import Triangles, project
 from clpeel.stages.shading import readable
 from clpeel.stages.tiles import AtTile, Drawn
-from clpeel.stages.upload import DeviceScene, upload, with_colors
+from clpeel.stages.upload import DeviceScene, in_linear_light, upload, with_colors
 from clpeel.stages.wires import DeviceEdges, Wanted, Wired, edges_on_device
 from clpeel.techniques import ERROR_BOUND
 from clpeel.techniques.precision import blending_bound
@@ -92,6 +93,7 @@ class Renderer:
         self._opacity: float | None = None
         self._faded: dict[_Kind, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
         self._edges: dict[tuple[_Kind, int, Wanted], DeviceEdges] = {}  # those of `_uploaded`
+        self._linear: dict[_Kind, DeviceScene] = {}  # those of either with linear colours
         self._pictures: list[Picture] = []
         self._at_work: int | None = None  # the thread that is making a picture
         self._turn = Lock()
@@ -103,7 +105,7 @@ class Renderer:
         other = copy.copy(self)
         other.scene, other.gpu = scene, self.gpu.beside()
         other._uploaded, other._pictures, other._at_work, other._turn = {}, [], None, Lock()
-        other._lit, other._opacity, other._faded, other._edges = None, None, {}, {}
+        other._lit, other._opacity, other._faded, other._edges, other._linear = None, None, {}, {}, {}
         other._tests = False
         return other
 
@@ -115,7 +117,7 @@ class Renderer:
         opacity = None if opacity is None else checked_opacity(opacity)
         with self.working():
             if opacity != self._opacity:
-                self._opacity, self._faded = opacity, {}
+                self._opacity, self._faded, self._linear = opacity, {}, {}
 
     @contextmanager
     def working(self) -> Iterator[None]:
@@ -143,8 +145,8 @@ class Renderer:
         camera: GivenCamera | None = None,
         size: Size = (1024, 1024),
         technique: str = "sort",
-        background: GivenBackground = (1.0, 1.0, 1.0),
-        lighting: Lighting = "none",
+        background: GivenBackground = BACKGROUND,
+        lighting: Lighting | None = None,
         *,
         progress: Progress | None = None,
         **options: Unpack[Keywords],
@@ -155,9 +157,9 @@ class Renderer:
         by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
         `clpeel.techniques.TECHNIQUES`, or "auto". background: 3 numbers 0..1, text such as "white", a pair of these for
         a gradient from top to bottom, or None for straight alpha. lighting: "none" (colours as given), "headlight",
-        "kit" or "scene" (Scene.lights). progress: called with the share done (0..1) and a text. options: those of all
-        pictures (rendering.options.PictureOptions) and those of the technique (its `options`). Editors complete them
-        from rendering/keywords.py.
+        "kit" or "scene" (Scene.lights); by default the scene's lights, if it has some, else the kit. progress: called
+        with the share done (0..1) and a text. options: those of all pictures (rendering.options.PictureOptions) and
+        those of the technique (its `options`). Editors complete them from rendering/keywords.py.
 
         Threads may share a Renderer: they take turns. Raises InputError if an option is wrong, if memory is too small
         for one pixel's fragments, or if the scene has too many triangles. Raises DeviceError in a process that was
@@ -176,7 +178,7 @@ class Renderer:
         frame = Frame(
             self.gpu,
             triangles,
-            picture.begin(request.picture.pattern, request.picture.over),
+            picture.begin(request.picture.pattern, request.picture.over, request.linear),
             capacity_of(request.technique, triangles.features, budget),
             budget,
             watcher(request, tiles),
@@ -192,6 +194,7 @@ class Renderer:
         layers = self._layers(scene, request, budget, stats) if request.picture.layers else None
         request.report(1.0, "done")
         rounding = blending_bound(stats.layers_max + 1, request.blending.precision)  # + 1 for an opaque layer
+        rounding = rounding_of(rounding, request.linear)
         return Result(finished.image, stats, finished.color, finished.maps, layers, rounding)
 
     def _on_device(self, request: Request) -> DeviceScene:
@@ -205,16 +208,21 @@ class Renderer:
             # Of outlines, which are most of a large cloud of points, those of one shape are kept.
             self._uploaded = {each: held for each, held in self._uploaded.items() if each[1] in (None, kind[1])}
             self._faded = {each: held for each, held in self._faded.items() if each in self._uploaded}
+            self._linear = {each: held for each, held in self._linear.items() if each in self._uploaded}
             scene = self._for(request)
             lit = request.lighting != "none"
             self._uploaded[kind] = upload(self.gpu, scene, lit, like, lights, kind[1] or SQUARE)
         held = self._uploaded[kind]
-        if self._opacity is None:
+        if self._opacity is not None:
+            if kind not in self._faded:
+                scene = recolored(held.scene, None, self._opacity)
+                self._faded[kind] = with_colors(self.gpu, held, scene)
+            held = self._faded[kind]
+        if not request.linear or request.lighting != "none" or held.varies or request.wires is not None:
             return held
-        if kind not in self._faded:
-            scene = recolored(held.scene, None, self._opacity)
-            self._faded[kind] = with_colors(self.gpu, held, scene)
-        return self._faded[kind]
+        if kind not in self._linear:
+            self._linear[kind] = in_linear_light(self.gpu, held)
+        return self._linear[kind]
 
     def _shape(self, request: Request) -> Shape | None:
         """The outline of the scene's points in this picture; None if no lines and points are drawn."""
@@ -260,6 +268,7 @@ class Renderer:
             lit=request.lit,
             pattern=request.picture.pattern,
             wired=self._wired(scene, request),
+            linear=request.linear,
         )
 
     def _wired(self, scene: DeviceScene, request: Request) -> Wired | None:
@@ -316,8 +325,8 @@ def render(
     camera: GivenCamera | None = None,
     size: Size = (1024, 1024),
     technique: str = "sort",
-    background: GivenBackground = (1.0, 1.0, 1.0),
-    lighting: Lighting = "none",
+    background: GivenBackground = BACKGROUND,
+    lighting: Lighting | None = None,
     *,
     device: int | str | None = None,
     lanes: int | None = None,
@@ -338,7 +347,7 @@ def draw(frame: Frame, batch: Batch, request: Request) -> Drawn:
     """Draws a batch by the technique, or by Frame.opaque if all surfaces are opaque and are drawn first."""
     if frame.triangles.features.surfaces == "opaque":
         return frame.opaque(batch, request.blending.constants)
-    return request.technique.draw(frame, batch, request.options)
+    return request.technique.draw(frame, batch, request.drawn_options)
 
 
 def finish(request: Request, picture: Picture, triangles: Triangles, choice: Choice | None) -> Finished:
@@ -354,6 +363,8 @@ def finish(request: Request, picture: Picture, triangles: Triangles, choice: Cho
     if choice is not None and not request.technique.exact:
         picture.values[...] = choice.max_error  # its kernel finds no bound, but auto knew one when it chose
         return picture.finished({ERROR_BOUND: picture.values[..., 0]})
+    if request.linear:
+        picture.values[...] = error_of(picture.values, True)
     hidden = picture.values[..., 0]
     stats: dict[str, object] = {
         "truncated_pixels": int(np.count_nonzero(hidden)),

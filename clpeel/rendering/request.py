@@ -11,10 +11,12 @@ from clpeel.checks import Rgb
 from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
-from clpeel.rendering.options import Lighting, PictureOptions, Size, checked_layers
+from clpeel.rendering.options import SAMPLES, Lighting, PictureOptions, Size, checked_layers
+from clpeel.rendering.shown_errors import may_hide
 from clpeel.scene.camera import Camera, GivenCamera, checked_camera
 from clpeel.scene.lights import KIT, Lamp
 from clpeel.scene.scene import Scene
+from clpeel.scene.textures import linear
 from clpeel.stages.outlines import Length, Marks
 from clpeel.stages.projection import Lit
 from clpeel.stages.wires import Wanted, Wires
@@ -99,6 +101,19 @@ class Request:
         return found
 
     @property
+    def linear(self) -> bool:
+        """Whether colours are blended as linear light. Techniques that blend none have no use for it."""
+        return self.picture.blending_space == "linear" and issubclass(self.technique.options, Blending)
+
+    @property
+    def drawn_options(self) -> Options:
+        """The technique's options as it draws by them: its max_error is one of what is blended."""
+        if not self.linear or self.max_error is None:
+            return self.options
+        light: dict[str, Any] = {"max_error": may_hide(self.max_error, True)}
+        return replace(self.options, **light)
+
+    @property
     def blending(self) -> Blending:
         """How colours are blended."""
         return self.options if isinstance(self.options, Blending) else Blending()
@@ -111,8 +126,11 @@ class Request:
 
     @property
     def lighting(self) -> Lighting:
-        """What light there is. A technique that keeps light apart from colours has none but the headlight."""
-        chosen = self.picture.lighting
+        """What light there is: by default the scene's own, if it has some, else the kit.
+
+        A technique that keeps light apart from colours has none but the headlight.
+        """
+        chosen = self.picture.lighting or ("scene" if self.scene_lights else "kit")
         return "headlight" if self.technique.light_apart and chosen != "none" else chosen
 
     @property
@@ -152,6 +170,9 @@ class Request:
         if wanted == Wanted() or self.technique.measures_solids:
             return None
         color = cast(Rgb, picture.edge_color)  # as it is checked
+        if self.linear:
+            red, green, blue = map(float, linear(color))
+            color = red, green, blue
         hidden = picture.hidden_edges
         return Wires(wanted, color, picture.edge_opacity, self.marks.line_width, hidden if self.opaque_first else 0.0)
 
@@ -184,6 +205,9 @@ def checked_options(technique: str, given: Mapping[str, object]) -> tuple[Pictur
     own = {name: value for name, value in given.items() if name not in common}
     shared: dict[str, Any] = {name: value for name, value in given.items() if name in common}
     options = options_class(technique)(**own)
+    if shared.get("samples") is None:
+        single = shared.get("layers") or (technique != AUTO and technique_named(technique).maps)
+        shared["samples"] = 1 if single else SAMPLES
     picture = PictureOptions(**shared)
     if picture.layers and technique != AUTO:
         technique_named(technique).peeled(options)  # raises InputError if layers may be lost

@@ -17,6 +17,7 @@ from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
 from clpeel.pictures.lengths import Lengths
 from clpeel.pictures.png import encode_png, save_png
+from clpeel.rendering.shown_errors import error_of
 from clpeel.stages.composite import Finished, Map, Picture
 from clpeel.stages.tiles import Drawn
 from clpeel.techniques import ERROR_BOUND, TECHNIQUES, with_map
@@ -207,6 +208,7 @@ class Result:
     def color(self) -> NDArray[np.float32]:
         """float32 [height, width, 4], premultiplied, without the background.
 
+        What was blended as linear light is sRGB here, too: alpha times the sRGB of the straight colour.
         Raises InputError if the result was rendered with keep_color=False.
         """
         if self._color is None:
@@ -231,7 +233,8 @@ class Result:
         Only results rendered with `max_error` or by auto have it; others raise InputError. Skipped layers cannot change
         a channel by more than the transmittance in front of them: the mean over a pixel's samples, 0 where none were
         skipped. Rounding adds blending_bound (techniques.precision) of N layers, which are those of the deepest sample
-        and one for an opaque surface: 3 N + 4 roundings of 2^-24, and more if `precision` is coarser.
+        and one for an opaque surface: 3 N + 4 roundings of 2^-24, and more if `precision` is coarser. What is blended
+        as linear light has bounds as it is shown, in sRGB (rendering.shown_errors).
         """
         if ERROR_BOUND not in self.maps:
             having = with_map(ERROR_BOUND)
@@ -311,7 +314,7 @@ def stats_of(
         passes_issued=len(samples_passed),
         samples_passed=samples_passed,
         size=[width, height],
-        samples=request.picture.samples,
+        samples=request.picture.samples or 1,
         triangles=faces,
         lines=lines,
         points=points,
@@ -321,7 +324,7 @@ def stats_of(
         layers_max=layers_max,
         opaque_samples=sum(part.opaque_samples for part in drawn),
         truncated_pixels=changed.get("truncated_pixels", sum(part.truncated_pixels for part in drawn)),
-        truncation_bound=changed.get("truncation_bound", max(part.hidden for part in drawn)),
+        truncation_bound=changed.get("truncation_bound", error_of(max(part.hidden for part in drawn), request.linear)),
         clamped_pixels=changed.get("clamped_pixels", clamped_pixels),
         batches=len(drawn),
         seconds=seconds,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache as remembered
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +41,8 @@ from clpeel.rendering.known_layers import (
     stack_of,
 )
 from clpeel.rendering.request import Request
+from clpeel.rendering.shown_errors import ENCODING, error_of, rounding_of
+from clpeel.scene.textures import linear, srgb
 from clpeel.stages.counting import count_layers
 from clpeel.stages.upload import DeviceScene, upload
 from clpeel.techniques import ERROR_BOUND
@@ -90,7 +92,7 @@ NOT_IN_TESTS = (
 )
 """Options of all pictures that the test's picture has values of its own for."""
 
-IN_FEATURES = ("lighting", "highlights", "opaque", "depth_format", "layers", "anisotropy")
+IN_FEATURES = ("lighting", "highlights", "opaque", "depth_format", "layers", "anisotropy", "blending_space")
 """Options of all pictures that change nothing but what kernels are compiled for (Features), or which are launched."""
 
 ROUNDING = 2.0**-24
@@ -108,6 +110,9 @@ MATERIAL_ROUNDINGS = 40
 """Of a colour with a material: 6 of the product with the texel, 2 of each of two roots and of the sum after it, and 10
 of each of two steps of the cube root.
 """
+
+LINEAR_ROUNDINGS, LINEAR_SLOPE = 32, 2.3
+"""Of an sRGB colour that is made linear: 2^-19; and by how much more the result is off than that was, at most."""
 
 LIGHT_ROUNDINGS = 35
 """Of a light: 20 of the normal's channels, 3 + 2 of each of two sums of products, and 1 each of the root, the quotient,
@@ -235,7 +240,7 @@ def _test_of(request: Request, triangles: Triangles, gpu: Workspace) -> _Test:
         pairs=scene.low_positions is not None,
         cut=triangles.clipped > 0,
     )
-    own = dict(_settled(request.options))
+    own = dict(_settled(request.options, request.linear))
     shared = {name: value for name, value in request.picture.given() if name not in NOT_IN_TESTS}
     over = request.picture.over
     kind = "none" if over is None else "colour" if len(over) == 3 else "gradient"
@@ -256,16 +261,17 @@ def _test_of(request: Request, triangles: Triangles, gpu: Workspace) -> _Test:
     )
 
 
-def _settled(options: Options) -> Iterator[tuple[str, object]]:
+def _settled(options: Options, linear: bool) -> Iterator[tuple[str, object]]:
     """The technique's options that differ from their defaults, and that kernels see.
 
-    Numbers that kernels only compute with have a value that suits the known layers.
+    Numbers that kernels only compute with have a value that suits the known layers. linear: whether colours are blended
+    as linear light.
     """
     for name, value in options.given():
         if name in NO_MATTER:
             continue
         if name == "max_error":
-            value = MAX_ERROR
+            value = error_of(MAX_ERROR, linear)
         elif name == "passes" and isinstance(value, int):
             value = min(value, MOST_PASSES)
         yield name, value
@@ -312,6 +318,7 @@ def _of_lights(features: Features) -> list[str]:
         "lights with places": features.positioned,
         "maps": features.maps,
         "full highlights": features.full_highlights,
+        "linear blending": features.linear,
     }
     return [word for word, wanted in words.items() if wanted]
 
@@ -389,23 +396,28 @@ def _compared(result: Result, test: _Test, lacking: str) -> tuple[Kind, str]:
     bound = means(color_bound(stack, test))
     bound = np.where(bound > 0, bound + len(pattern.places) * ROUNDING * LAYERS, 0.0)  # a mean adds up so many samples
     if len(color):
-        shown = means(color)
-        shown[..., 3] = 1 - shown[..., 3]
-        slack = bound
+        blended = means(color)
+        blended[..., 3] = 1 - blended[..., 3]
+        as_light = wanted.features.linear
+        shown, slack = (encoded(blended), rounding_of(bound, True)) if as_light else (blended, bound)
         if getattr(test.options, "max_error", None) is not None:
             skipped = result.map(ERROR_BOUND)  # with what rounding may do
-            most = means(np.maximum(MAX_ERROR, lost(stack, technique, test.options)))
-            most += result.rounding + LAYERS * ROUNDING  # the bound has the first, and is a product of float32 itself
-            found.expect("error_bound", skipped, np.zeros_like(shown[..., 0]), most)
-            slack = bound + skipped
+            hidden = means(np.maximum(MAX_ERROR, lost(stack, technique, test.options)))
+            most = error_of(hidden + LAYERS * ROUNDING, as_light)  # it is a product of float32
+            found.expect("error_bound", skipped, np.zeros_like(shown[..., 0]), most + result.rounding)
+            slack = slack + skipped
+            bound = bound + (linear(skipped) if as_light else skipped)
         found.expect("colour", result.color, shown, slack[..., None])
-        found.image(result.image, shown, test.given["background"], slack)
+        found.image(result.image, blended, test.given["background"], bound, as_light)
     for name, wished in maps.items():
         # The marks of a mean say whether any sample has one.
         target = means(wished) if name != "unpaired" else (means(wished) > 0).astype(np.float64)
         slack = np.full((height, width), length_bound(test) if name == "thickness" else 0.0)
         found.expect(name, result.map(name), target, slack)
     if test.request.picture.layers:
+        if wanted.features.linear:  # layers are as they are shown
+            sized = test.size, test.request.opaque_first, pattern
+            stack = stack_of(replace(wanted, features=replace(wanted.features, linear=False)), *sized)
         _compare_layers(found, result, stack, test)
     if not found.wrong and not found.inexact:
         return "right", ""
@@ -429,11 +441,13 @@ class _Comparison:
         self._note(np.asarray(error > np.where(exact, CLOSE, bound)), name, got, want, wrong=True)
         self._note(exact & (error > 0), name, got, want, wrong=False)
 
-    def image(self, image: NDArray[np.uint8], color: Floats, background: Background | None, bound: Floats) -> None:
+    def image(
+        self, image: NDArray[np.uint8], color: Floats, background: Background | None, bound: Floats, as_light: bool
+    ) -> None:
         """Compares the 8-bit picture with what a colour, premultiplied and with alpha, becomes over the background.
 
         The sum or quotient and the product with 255 are off by 4 roundings of 255 more. A quotient's error weighs the
-        more the smaller alpha is.
+        more the smaller alpha is. as_light: whether the colour is linear.
         """
         alpha = color[..., 3:]
         if background is None:
@@ -442,9 +456,15 @@ class _Comparison:
             slack = 2 * bound[..., None] / np.maximum(alpha, ROUNDING) + 4 * ROUNDING
         else:
             behind = rows_of(background, len(color))
+            behind = linear(behind) if as_light else behind
             shown = np.concatenate([color[..., :3] + (1 - alpha) * behind, np.ones_like(alpha)], axis=-1)
             slack = 2 * bound[..., None] + 4 * ROUNDING
-        low, high = (np.clip(np.floor((shown + sign * slack) * 255 + 0.5), 0, 255) for sign in (-1, 1))
+        ends = [shown - slack, shown + slack]
+        if as_light:
+            for end, sign in zip(ends, (-ENCODING, ENCODING), strict=True):
+                end[..., :3] = srgb(np.clip(end[..., :3], 0, 1)) + sign
+            shown = np.concatenate([srgb(np.clip(shown[..., :3], 0, 1)), shown[..., 3:]], axis=-1)
+        low, high = (np.clip(np.floor(end * 255 + 0.5), 0, 255) for end in ends)
         self._note((image < low) | (image > high), "8-bit colour", image, np.clip(shown, 0, 1) * 255, wrong=True)
 
     def _note(self, bad: NDArray[np.bool_], name: str, got: NDArray[Any], want: Floats, *, wrong: bool) -> None:
@@ -458,6 +478,13 @@ class _Comparison:
             self.wrong = text
         else:
             self.inexact = text
+
+
+def encoded(color: Floats) -> Floats:
+    """What a linear colour, premultiplied and with alpha, becomes without a background: alpha times straight sRGB."""
+    alpha = color[..., 3:]
+    straight = np.divide(color[..., :3], alpha, out=np.zeros_like(color[..., :3]), where=alpha > 0)
+    return np.concatenate([alpha * srgb(np.clip(straight, 0, 1)), alpha], axis=-1)
 
 
 CLOSE = 16 * ROUNDING
@@ -474,12 +501,13 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     """
     features, precision = test.wanted.features, getattr(test.options, "precision", DEFAULT_PRECISION)
     layers = stack.present.sum(axis=1)
-    exact = not features.packed_color and not features.fragment_color and precision == DEFAULT_PRECISION
+    exact = not (features.packed_color or features.fragment_color or features.linear) and precision == DEFAULT_PRECISION
     own = 0.0
     if features.fragment_color:
         own = (COLOR_ROUNDINGS + (LIGHT_ROUNDINGS if features.headlight else 0)) * ROUNDING
         own += MATERIAL_ROUNDINGS * ROUNDING if features.materials else 0.0
         own += LIGHTS_ROUNDINGS * ROUNDING if features.lights else 0.0
+        own = LINEAR_SLOPE * (own + LINEAR_ROUNDINGS * ROUNDING) if features.linear else own
     blends = np.array([blending_bound(count + 1, precision) for count in range(LAYERS + 1)])[layers]
     bound = (3 * own * layers + blends) * np.where(test.request.technique.sorts, 1, np.maximum(layers, 1))
     if test.request.technique.name == "translucency":

@@ -22,7 +22,7 @@ from clpeel.device.building import cache_of
 from clpeel.device.cache import times_lost
 from clpeel.device.devices import open_device
 from clpeel.errors import InputError
-from clpeel.rendering.options import COMMAND_SAMPLES, Lighting
+from clpeel.rendering.options import Lighting
 from clpeel.rendering.renderer import Renderer
 from clpeel.rendering.request import Progress
 from clpeel.scene.camera import Camera
@@ -179,8 +179,6 @@ def _picture_of(kind: Kind, device: int | str | None, lanes: int | None) -> _Mad
     """Makes a picture of this kind."""
     scene, before = kind.scene(), times_lost()
     options: dict[str, Any] = {"layers": True} if kind.layers else {}
-    if not kind.layers and not TECHNIQUES[kind.technique].maps:
-        options["samples"] = COMMAND_SAMPLES
     result = Renderer(scene, device, lanes).render(CAMERA, SIZE, kind.technique, lighting=kind.lighting, **options)
     return _Made(times_lost() == before, tuple(note for note in result.stats.notes if note not in scene.notes))
 

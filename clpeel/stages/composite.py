@@ -15,6 +15,8 @@ from clpeel.device.program import Arguments
 from clpeel.device.samples import Pattern
 from clpeel.device.workspace import Workspace
 from clpeel.pictures.background import rows_of
+from clpeel.scene.textures import linear
+from clpeel.stages.shading import srgb_scales
 
 Map = NDArray[Any]
 """A map [height, width] that a technique makes. Its dtype is that of its values."""
@@ -102,17 +104,19 @@ class Picture:
         """Whether nobody else refers to its arrays or to a view of them. Only then may it be drawn over."""
         return self._references() == self._own_references
 
-    def begin(self, pattern: Pattern, background: Background | None) -> Arguments:
+    def begin(self, pattern: Pattern, background: Background | None, as_light: bool = False) -> Arguments:
         """The arguments of a kernel that composites tiles into the picture (composite.h).
 
-        pattern: a pixel is the mean of so many samples. background: None for straight alpha.
+        pattern: a pixel is the mean of so many samples. background: None for straight alpha. as_light: whether
+        colours are blended as linear light.
         """
-        rows = None if background is None else self._rows(background)
+        rows = None if background is None else self._rows(background, as_light)
         self._clamped = self.gpu.put("clamped", np.zeros(1, np.uint32))
         return {
             "side_bits": pattern.side_bits,
             "background": rows,
             "gradient": rows is not None and rows.size > ROW_BYTES,
+            "scales": self.gpu.put("scales", srgb_scales()) if as_light else None,
             "clamped": self._clamped,
             "image": self._image,
             "color": self._color,
@@ -120,10 +124,11 @@ class Picture:
             "values": self._values,
         }
 
-    def _rows(self, background: Background) -> cl.Buffer:
+    def _rows(self, background: Background, as_light: bool) -> cl.Buffer:
         """The background of each row on the device: float32 [height, 4], or [1, 4] if it is no gradient."""
         height = self.size[1] if len(shades_of(background)) > 1 else 1
-        rows = rows_of(background, height)[:, 0].astype(np.float32)
+        rows = rows_of(background, height)[:, 0]
+        rows = (linear(rows) if as_light else rows).astype(np.float32)
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self.gpu.context, flags, hostbuf=np.pad(rows, ((0, 0), (0, 1))))
 

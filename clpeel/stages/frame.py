@@ -45,6 +45,7 @@ class Frame(Canvas):
         """
         features = self.triangles.features
         changed = replace(features, headlight=False, lights=False, positioned=False, maps=False, full_highlights=False)
+        changed = replace(changed, linear=False)
         if not features.routed:
             changed = replace(changed, color_rate="scene", materials=False, levels=False, probes=1)
         return replace(self, triangles=replace(self.triangles, features=changed))

@@ -45,6 +45,7 @@ HELD = (
     "side_bits",
     "background",
     "gradient",
+    "scales",
     "clamped",
     "image",
     "color",

@@ -191,6 +191,7 @@ def project(
     lit: Lit | None = None,
     pattern: Pattern = PATTERNS[1],
     wired: Wired | None = None,
+    linear: bool = False,
 ) -> Triangles:
     """Transforms, clips and snaps the scene's triangles for an image of `size` (width, height), in samples.
 
@@ -199,7 +200,7 @@ def project(
     backfaces: whether faces seen from behind are drawn: "visible", "hidden", or "default", which draws all that are
     not single-sided. probes: the most samples of a texture along a pixel's longer side. marks: how lines and points are
     drawn. lit: by what lights, if the scene was uploaded for lights. pattern: where a pixel's samples lie. wired: which
-    edges of faces are drawn, if any.
+    edges of faces are drawn, if any. linear: whether colours are blended as linear light.
     """
     surfaces = scene.surfaces if opaque_first else "transparent"
     view = view_of(gpu, scene, camera, size, depth_format, pattern)
@@ -231,6 +232,7 @@ def project(
         probes=probes if scene.shading.levels else 1,
         pattern=pattern.word,
         wires=wired is not None,
+        linear=linear,
     )
     corners: Arguments = {
         "faces": scene.faces if seen is None else seen.faces,

@@ -195,9 +195,8 @@ class Packed:
 
 def packed_textures(materials: Sequence[Material], lights: bool = False) -> Packed:
     """Return the textures of these materials, each image once. lights: with those that only lights need."""
-    scales = (1.055 * 2.0 ** (np.arange(-15, 1) * 5 / 12)).astype(np.float32)
     albedo = albedo_tables().reshape(-1) if lights else np.zeros(0, np.float32)
-    tables = np.concatenate([linear_of_bytes(), scales, albedo]).view(np.uint32)
+    tables = np.concatenate([linear_of_bytes(), srgb_scales(), albedo]).view(np.uint32)
     distinct = {_key(texture, numbers): texture for m in materials for texture, numbers in _textures(m, lights)}
     floats = 16 * sum(_level_starts(texture)[-1] for texture in distinct.values()) <= MOST_FLOAT_BYTES
     starts: dict[_Key, int] = {}
@@ -211,6 +210,11 @@ def packed_textures(materials: Sequence[Material], lights: bool = False) -> Pack
     with ThreadPoolExecutor() as pool:  # NumPy lets other threads work meanwhile
         list(pool.map(lambda key: _fill(packed[starts[key] :], distinct[key], floats, key[3]), distinct))
     return Packed(packed, starts, floats, [texture.image for texture in distinct.values()], lights)
+
+
+def srgb_scales() -> NDArray[np.float32]:
+    """Return 1.055 times 2^(5/12 e) for e = -15 .. 0, by which kernels make sRGB (kernels/shading/reals.h)."""
+    return (1.055 * 2.0 ** (np.arange(-15, 1) * 5 / 12)).astype(np.float32)
 
 
 def _level_starts(texture: Texture) -> list[int]:

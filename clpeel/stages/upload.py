@@ -14,6 +14,7 @@ from clpeel.scene.arrays import AnyArray, Colors
 from clpeel.scene.materials import NO_MATERIAL
 from clpeel.scene.scene import Positions, Scene
 from clpeel.scene.tangents import tangents_of
+from clpeel.scene.textures import linear
 from clpeel.stages.outlines import SQUARE, Outlines, Shape, outlines_of
 from clpeel.stages.shading import Packed, Shading, material_table, packed_textures, shading_of, used_materials
 
@@ -64,6 +65,11 @@ class DeviceScene:
     outline: cl.Buffer | None
     of_faces: cl.Buffer | None
     nbytes: int
+
+    @property
+    def varies(self) -> bool:
+        """Whether colours vary over a face, without lights: then it is fragments that have colours."""
+        return self.color_rate == "vertex" or self.shading.materials
 
     @property
     def vertex_count(self) -> int:
@@ -237,6 +243,19 @@ def with_colors(gpu: Workspace, held: DeviceScene, scene: Scene) -> DeviceScene:
         shading=shading_of(scene, held.packed is not None and held.packed.lights),
         nbytes=held.nbytes - int(held.palette.size) + colors.nbytes,
     )
+
+
+def in_linear_light(gpu: Workspace, held: DeviceScene) -> DeviceScene:
+    """Puts the colours of a scene on the device once more, as linear light, four floats each.
+
+    It is for kernels to which a fragment's colour is that of its face. Others make light of what they compute.
+    """
+    _, colors = _palette(held.scene, held.outlines)
+    given = colors / 255.0 if colors.dtype == np.uint8 else colors
+    light = np.concatenate([linear(given[:, :3]), given[:, 3:]], axis=1).astype(np.float32)
+    palette = _buffers(gpu, {"palette": light})["palette"]
+    nbytes = held.nbytes - int(held.palette.size) + light.nbytes
+    return replace(held, palette=palette, packed_color=False, nbytes=nbytes)
 
 
 def _opaque_again(scene: Scene, outlines: Outlines) -> NDArray[np.bool_]:

@@ -40,7 +40,8 @@ class Wanted:
 class Wires:
     """How edges are drawn.
 
-    color: sRGB, 0..1. opacity: 0..1. width: of their strokes. hidden: the opacity of those behind opaque surfaces.
+    color: as the fragments have theirs, sRGB or linear, 0..1. opacity: 0..1. width: of their strokes. hidden: the
+    opacity of those behind opaque surfaces.
     """
 
     wanted: Wanted

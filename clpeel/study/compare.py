@@ -255,7 +255,7 @@ class _Bench:
             rows=[],
             truth=true_colors(result.layers),
             background=self.picture.over,
-            lighting=self.picture.lighting,
+            lighting=self.picture.lighting or "none",
             opaque=self.picture.opaque,
             triangles=result.stats.triangles,
             fragments=int(len(result.layers.depth)),

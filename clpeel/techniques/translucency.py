@@ -59,7 +59,12 @@ class Translucency(Measuring[TranslucencyOptions]):
     def draw(self, frame: Frame, batch: Batch, options: TranslucencyOptions) -> Drawn:
         """Draws a batch. The kernel's lengths are in the device's units, so the extinction is converted to these."""
         extinction = extinction_of(frame.triangles, options) / device_scale(frame.triangles)
-        parameters = (extinction, *(float(part) for part in options.light_color), REFLECTANCE)
+        light = [float(part) for part in options.light_color]
+        if frame.triangles.features.linear:
+            from clpeel.scene.textures import linear
+
+            light = linear(light).tolist()
+        parameters = (extinction, *light, REFLECTANCE)
         return self.measure(frame, batch, options.variant, parameters=parameters, constants=options.constants)
 
     def finish(

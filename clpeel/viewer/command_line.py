@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from clpeel.checks import checked_background, shades_of
 from clpeel.options import Option, options_of
-from clpeel.rendering.options import COMMAND_BACKGROUND
+from clpeel.rendering.options import BACKGROUND
 from clpeel.rendering.request import all_options
 from clpeel.techniques import options_class
 from clpeel.viewer.view import LAYER_COUNT, View
@@ -53,12 +53,12 @@ def _flags(view: View, technique: str) -> Iterator[str]:
     over = checked_background(view.background)
     if over is None:
         yield "--no-background"
-    elif over != COMMAND_BACKGROUND:
+    elif over != BACKGROUND:
         yield f"--background-color={':'.join(map(_numbers, shades_of(over)))}"
     yield "--unlit" if view.lighting == "none" else f"--lighting={view.lighting}"
     owners = (*all_options(), options_class(technique))  # the technique's own come last, as defaults may differ
     known = {each.name: each for owner in owners for each in options_of(owner)}
-    given = {"samples": 1, **view.keywords(technique)}
+    given = view.keywords(technique)
     for name in ("size", "background", "lighting"):
         given.pop(name)
     for name, value in sorted(given.items()):

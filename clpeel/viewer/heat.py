@@ -57,8 +57,12 @@ def error_map(renderer: Renderer, view: View, progress: Progress | None) -> Erro
 
 
 def _alone(view: View, technique: str) -> dict[str, Any]:
-    """Return the view's keywords with one sample a pixel, as only these have layers."""
-    own = {name: value for name, value in view.keywords(technique).items() if name not in ("samples", "keep_color")}
+    """Return the view's keywords with one sample a pixel, as only these have layers.
+
+    Layers are colours as they are shown. So both pictures are blended as they are shown, too.
+    """
+    left_out = ("samples", "keep_color", "blending_space")
+    own = {name: value for name, value in view.keywords(technique).items() if name not in left_out}
     if technique != view.technique:  # the truth skips nothing and rounds nothing
         own = {name: value for name, value in own.items() if name not in ("max_error", "precision", "execution")}
     return own

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from clpeel.checks import GivenBackground, checked_background, checked_size, one_of
 from clpeel.errors import InputError
-from clpeel.rendering.options import Lighting, Size
+from clpeel.rendering.options import BACKGROUND, Lighting, Size
 from clpeel.rendering.request import checked_options
 from clpeel.scene.camera import GivenCamera, checked_camera
 from clpeel.scene.scene import Scene
@@ -41,7 +41,7 @@ def view(
     camera: GivenCamera | Framing | None = None,
     size: Size = (1024, 768),
     technique: str = "sort",
-    background: GivenBackground = (1.0, 1.0, 1.0),
+    background: GivenBackground = BACKGROUND,
     lighting: Lighting = "kit",
     *,
     backend: Backend | None = None,

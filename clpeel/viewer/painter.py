@@ -245,7 +245,7 @@ class Painter:
     def _focused(self, camera: Camera, at: Place, size: Place) -> Camera | None:
         """Return the camera with what lies under a place of the screen in the middle, or None if nothing does."""
         try:
-            one = self._renderer.render(through(camera, at, size), (1, 1), "sort", layers=True)
+            one = self._renderer.render(through(camera, at, size), (1, 1), "sort", lighting="none", layers=True)
         except InputError:
             return None
         return focused(camera, float(one.layers.depth[0]), at, size) if len(one.layers) else None

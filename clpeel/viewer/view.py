@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from clpeel.checks import GivenBackground
 from clpeel.options import options_of
-from clpeel.rendering.options import Lighting, PictureOptions, Size
+from clpeel.rendering.options import BACKGROUND, Lighting, PictureOptions, Size
 from clpeel.rendering.request import checked_options
 from clpeel.scene.camera import Camera
 from clpeel.techniques import option_names
@@ -39,7 +39,7 @@ class View:
     size: Size
     technique: str = "sort"
     options: Mapping[str, object] = field(default_factory=dict)
-    background: GivenBackground = (1.0, 1.0, 1.0)
+    background: GivenBackground = BACKGROUND
     lighting: Lighting = "kit"
     opacity: float | None = None
     shows: Shows = "picture"
@@ -53,7 +53,7 @@ class View:
         """
         has = option_names(technique or self.technique)
         own = {name: value for name, value in self.options.items() if name in has or name in _OF_ALL}
-        return {"size": self.size, "background": self.background, "lighting": self.lighting, **own}
+        return {"size": self.size, "background": self.background, "lighting": self.lighting, "samples": 1, **own}
 
     def check(self) -> None:
         """Raise InputError if the technique cannot draw with these options."""

@@ -56,7 +56,7 @@ kernel void blend_in_order(uint first_tile, uint first_pixel, uint last_pixel, g
 // first_tile, behind: see frames/peel_passes.h. tile_layers: the depth complexity of each tile's deepest pixel.
 kernel void merge_sums(Screen screen, uint first_tile, global const Colors *sums, global const uint *depth, global const Colors *behind,
                        global uint *tile_layers, int side_bits, global const float4 *background, int gradient,
-                       volatile global uint *clamped, global uint *image, global float4 *color)
+                       global const uint *scales, volatile global uint *clamped, global uint *image, global float4 *color)
 {
     local Colors layer[TILE_PIXELS / STRIP];
     local uint deepest;
@@ -80,7 +80,7 @@ kernel void merge_sums(Screen screen, uint first_tile, global const Colors *sums
     BARRIER;
     if (LANE == 0) tile_layers[tile] = deepest;
     uint beyond_one = composite_tile(layer, screen.first_tile + first_tile + tile, screen.columns, side_bits, screen.width,
-                                     screen.height, background, gradient, image, color);
+                                     screen.height, background, gradient, scales, image, color);
     if (beyond_one) atomic_add(clamped, beyond_one);
 }
 

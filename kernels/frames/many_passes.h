@@ -57,8 +57,9 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
                  global const uint *wire_lists, global const Wire *wires,
                  uint most_passes, uint most_repeats,
                  int occlusion_query, volatile global uint *pass_totals, global uint *tile_totals, int side_bits,
-                 global const float4 *background, int gradient, volatile global uint *clamped,
-                 global uint *image, global float4 *color, global const float *parameters, global float *values)
+                 global const float4 *background, int gradient, global const uint *scales,
+                 volatile global uint *clamped, global uint *image, global float4 *color,
+                 global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
@@ -180,7 +181,7 @@ kernel void peel(global const Triangle *triangles, global const uint *pair_start
         BARRIER;
         for (int k = lane; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];
         uint beyond_one = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width,
-                                         screen.height, background, gradient, image, color);
+                                         screen.height, background, gradient, scales, image, color);
         if (beyond_one) atomic_add(clamped, beyond_one);
 #if VALUES
         store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width,

@@ -44,8 +44,9 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  global const uint *wire_lists, global const Wire *wires,
                  uint layers_before, uint rows, uint slab,
                  global ulong *fragments, global ulong *scratch, global float4 *colors, global uint4 *tile_totals,
-                 int side_bits, global const float4 *background, int gradient, volatile global uint *clamped,
-                 global uint *image, global float4 *color, global const float *parameters, global float *values)
+                 int side_bits, global const float4 *background, int gradient, global const uint *scales,
+                 volatile global uint *clamped, global uint *image, global float4 *color,
+                 global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
@@ -190,7 +191,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         if (empty && lane == 0) tile_totals[tile] = (uint4)(0, 0, solid, 0);
         if (wanted && deepest + LIST_GAP <= slab) {
             uint beyond = composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width,
-                                         screen.height, background, gradient, image, color);
+                                         screen.height, background, gradient, scales, image, color);
             if (beyond) atomic_add(clamped, beyond);
 #if VALUES
             store_values(found, screen.first_tile + tile, screen.columns, side_bits, screen.width,

@@ -241,8 +241,9 @@ kernel void blend_layers(uint strips, uint plane, uint pass, uint first_pixel, u
 kernel void merge_layers(Screen screen, uint first_tile, uint strips, uint plane, global const Place *targets, global const Colors *colors,
                          global const Numbers *layers, global const Numbers *left,
                          global const Colors *behind, global uint *tile_totals, int side_bits,
-                         global const float4 *background, int gradient, volatile global uint *clamped, global uint *image,
-                         global float4 *color, global const float *parameters, global float *values)
+                         global const float4 *background, int gradient, global const uint *scales,
+                         volatile global uint *clamped, global uint *image, global float4 *color,
+                         global const float *parameters, global float *values)
 {
     local Colors layer[TILE_PIXELS / STRIP];
 #if VALUES
@@ -279,7 +280,7 @@ kernel void merge_layers(Screen screen, uint first_tile, uint strips, uint plane
     BARRIER;
     for (int k = LANE; k < PEEL_TOTALS; k += LANES) tile_totals[PEEL_TOTALS * tile + k] = totals[k];
     uint beyond_one = composite_tile(layer, screen.first_tile + first_tile + tile, screen.columns, side_bits,
-                                     screen.width, screen.height, background, gradient,
+                                     screen.width, screen.height, background, gradient, scales,
                                      image, color);
     if (beyond_one) atomic_add(clamped, beyond_one);
 #if VALUES

@@ -131,12 +131,12 @@ INLINE Reals floor_of(Reals value)
 // textures: begins with tables (clpeel/stages/shading.py): 256 floats, the linear light of each byte of sRGB; then 16
 // floats, 1.055 times 2^(5/12 e) for e = -15 .. 0.
 
-// Linear light 0 .. 1 as sRGB (IEC 61966-2-1). The power 5/12 is that of the exponent, from the table, times that of the
-// mantissa, a polynomial to 3e-8.
-INLINE Reals to_srgb(global const uint *textures, Reals value)
+// Linear light 0 .. 1 as sRGB (IEC 61966-2-1). The power 5/12 is that of the exponent, from the second table, times that of
+// the mantissa, a polynomial to 3e-8.
+INLINE Reals srgb_by(global const uint *scales, Reals value)
 {
     Words bits = AS_WORDS(value);
-    Reals scale = AS_REALS(words_of_16(textures + SRGB_SCALES, bits >> (Words)(23u)));
+    Reals scale = AS_REALS(words_of_16(scales, bits >> (Words)(23u)));
     Reals f = AS_REALS((bits & (Words)(0x7FFFFFu)) | (Words)(0x3F800000u)) - 1.5f;
     Reals sum = 0.0015331956f * f - 0.0027445413f;
     sum = sum * f + 0.0045665833f;
@@ -148,6 +148,7 @@ INLINE Reals to_srgb(global const uint *textures, Reals value)
     Reals curve = least_of(scale * sum - 0.055f, (Reals)(1.0f));  // white may miss 1 by a rounding
     return value > (Reals)(0.0031308f) ? curve : 12.92f * value;
 }
+INLINE Reals to_srgb(global const uint *textures, Reals value) { return srgb_by(textures + SRGB_SCALES, value); }
 
 // sRGB 0 .. 1 as linear light, to 2e-6 of what is shown. The power 2.4 is that of 2, times that of 0.4, a polynomial of the
 // root.
@@ -214,6 +215,23 @@ INLINE Part part_to_srgb(global const uint *textures, Part color)
 #else
     return to_srgb(textures, color);
 #endif
+}
+
+// Colours in sRGB as linear ones: a part, whose alphas mean nothing then, and one, whose alpha stays.
+INLINE Part part_to_linear(Part color)
+{
+#if SHADED == 1
+    return (float4)(to_linear(color.x), to_linear(color.y), to_linear(color.z), color.w);
+#else
+    return to_linear(color);
+#endif
+}
+INLINE float4 linear_color(float4 color)
+{
+    Part found = (Part)(0.0f);
+    *(float4 *)&found = color;
+    found = part_to_linear(found);
+    return (float4)(((const float4 *)&found)->xyz, color.w);
 }
 
 // SHADED colours as numbers of each channel, and the reverse.

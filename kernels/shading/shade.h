@@ -7,6 +7,8 @@
 //              opacity, or 0 where it is less than the cut-off  CUT
 //              opacity * base_color's * texel's * C's           BLENDED
 //
+// Where blending is LINEAR, all of these colours become linear light as they leave here.
+//
 // Where texels route (ROUTED_BY_TEXELS), a fragment of alpha 0 is not there. Of faces that hide (HIDES), a fragment of
 // alpha 1 is opaque. So alpha must have the same bits wherever it is computed: `routed` and `shade` share its code.
 #ifndef SHADE_H
@@ -224,11 +226,6 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 #endif
 #endif
 }
-
-// Whether nothing is drawn but edges behind opaque surfaces (clpeel/rendering/hidden_edges.py).
-#ifndef BEHIND
-#define BEHIND 0
-#endif
 
 #if WIRES
 #define WIRED(face) ((face)->wired)
@@ -531,13 +528,14 @@ INLINE Part alpha_of(uint flags, Part opacity, Part cutoff, Part alpha)
 }
 
 #if LIGHTS
-// Light as sRGB. What is brighter than white is white: to_srgb takes no more than 1.
+// Light as it is blended. What is brighter than white is white: to_srgb takes no more than 1.
 INLINE Reals shown_light(const Shading *shading, Reals light)
 {
-    return to_srgb(shading->textures, least_of(light, (Reals)(1.0f)));
+    light = least_of(light, (Reals)(1.0f));
+    return LINEAR ? light : to_srgb(shading->textures, light);
 }
 
-// The colours of SHADED fragments under lights, sRGB. color: as materials are, linear, but sRGB if they are PLAIN. Of these,
+// The colours of SHADED fragments under lights, sRGB, or linear where blending is. color: as materials are, linear, but sRGB if they are PLAIN. Of these,
 // fragments whose normals have no length stay as they are: lines and points without normals (clpeel/scene/normals.py).
 INLINE void light_colors(const Shading *shading, global const Material *m, const Surface *s, bool mapped, float4 colors[SHADED])
 {
@@ -571,13 +569,17 @@ INLINE void light_colors(const Shading *shading, global const Material *m, const
     if (m->flags & PLAIN) {
         Reals given[4], length2 = dot_of(s->normal, s->normal);
         to_channels(colors, given);
+        UNROLL for (int c = 0; c < (LINEAR ? 3 : 0); ++c) given[c] = to_linear(given[c]);
         UNROLL for (int c = 0; c < 4; ++c) channel[c] = length2 > (Reals)(0.0f) ? channel[c] : given[c];
     }
     of_channels(channel, colors);
 }
 #endif
 
-// The colours of SHADED or fewer fragments that wait, from number `first` on. shown: as they are shown; else their red,
+// Whether colours are sRGB before they are what is blended: it is sRGB, or the headlight dims it.
+#define DIMS_SRGB (!LINEAR || (HEADLIGHT && !LIGHT_IN_ALPHA))
+
+// The colours of SHADED or fewer fragments that wait, from number `first` on. shown: as they are blended; else their red,
 // green and blue mean nothing, but their alphas are the same. mapped: what lights fall on, where textures say it; or NULL.
 OUTLINE void paint(const Waiting *w, uint first, bool shown, const Shading *shading, const Light *mapped, float4 colors[SHADED])
 {
@@ -608,12 +610,13 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, const Shading *shad
         Part color = *(const AnyPart *)(w->tint + first + k);
         if (MATERIALS && flags & TEXTURED) color *= texel[k / PART_COLORS];
         Part alpha = alpha_of(flags, opacity, cutoff, color);
-        if (shown && !lit && !(flags & PLAIN)) color = part_to_srgb(textures, color);
+        if (shown && !lit && !(flags & PLAIN)) color = DIMS_SRGB ? part_to_srgb(textures, color) : MIN(color, (Part)(1.0f));
 #if HEADLIGHT
         Part light = for_channels(lights, k);
         if (LIGHT_IN_ALPHA) alpha = light;
         else color *= light;
 #endif
+        if (LINEAR && shown && !lit && (DIMS_SRGB || flags & PLAIN)) color = part_to_linear(color);
         *(AnyPart *)(colors + k) = ALPHAS ? alpha : color;
     }
 #if LIGHTS
@@ -645,7 +648,7 @@ INLINE float4 plain_color(const Face *f, const OnFace *place, const Reals *light
 {
     float4 color = scene_color(f, place, k);
     if (HEADLIGHT) color = LIT(color, ONE_OF(float, *light, k));
-    return color;
+    return LINEAR ? linear_color(color) : color;
 }
 #endif
 

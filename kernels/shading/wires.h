@@ -9,6 +9,11 @@
 
 #include "shading/reals.h"
 
+// Whether nothing is drawn but edges behind opaque surfaces (clpeel/rendering/hidden_edges.py).
+#ifndef BEHIND
+#define BEHIND 0
+#endif
+
 #if WIRES
 // The edges of all faces: lists[face] .. lists[face + 1] are where a face's own are in `lists`.
 typedef struct {
@@ -23,7 +28,8 @@ INLINE bool is_band(const Wires *w, uint source) { return source >= w->wiring->f
 INLINE Reals stroke_over(Reals distance, Reals reach, float unit)
 {
     Reals last = least_of(distance + 0.5f * unit, reach), first = MAX(distance - 0.5f * unit, -reach);
-    return MAX((last - first) * (1.0f / unit), (Reals)(0.0f));
+    Reals share = least_of((last - first) * (1.0f / unit), (Reals)(1.0f));  // which rounding may take it beyond
+    return MAX(share, (Reals)(0.0f));
 }
 
 // How much of these places an edge covers. x, y: subpixels of a sample's height from the image's centre.

@@ -5,10 +5,24 @@
 // pixel of the picture is the mean of columns x rows samples of the layer. Both divide TILE, so these share a tile. In a
 // gradient b differs from row to row of the picture. The host computes it (pictures/background.py), so that it has the
 // same bits on every device.
+//
+// Where blending is LINEAR, all of this is linear light. What comes out of it is converted to sRGB last.
 #ifndef COMPOSITE_H
 #define COMPOSITE_H
 
 #include "fragments/blending.h"
+#include "shading/reals.h"
+
+// Turns linear colours into sRGB, 0..1. scales: see srgb_by.
+INLINE void show(Colors *colors, global const uint *scales)
+{
+    UNROLL for (int c = 0; c < 3; ++c) {
+        VECTOR(float) *channel = &colors->red + c;
+        *channel = MAX(*channel, (VECTOR(float))(0.0f)), *channel = MIN(*channel, (VECTOR(float))(1.0f));
+        Reals *values = (Reals *)channel;
+        UNROLL for (int k = 0; k < STRIP / SHADED; ++k) values[k] = srgb_by(scales, values[k]);
+    }
+}
 
 INLINE VECTOR(uint) to_byte(VECTOR(float) value)
 {
@@ -115,10 +129,11 @@ INLINE uint2 place_in_tile(uint p, const Sampling *s)
 
 // tile: its number in the picture. layer: its strips. side_bits: see sampling_of. width, height: of the picture, in
 // samples. background: red, green and blue of each row of the picture; of all rows if `gradient` is 0; NULL for straight
-// alpha. color: premultiplied colours and alpha without the background, or NULL if nobody wants them. Returns how many of
+// alpha. scales: of sRGB (shading/reals.h), where blending is LINEAR. color: premultiplied colours and alpha without the
+// background, or NULL if nobody wants them. Returns how many of
 // the lane's pixels have a negative transmittance, so that their colours are clamped.
 INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, int side_bits, int width, int height,
-                           global const float4 *background, int gradient, global uint *image, global float4 *color)
+                           global const float4 *background, int gradient, global const uint *scales, global uint *image, global float4 *color)
 {
     const float4 first = background ? *background : (float4)(0.0f);
     const Sampling sampling = sampling_of(side_bits), *s = &sampling;
@@ -143,13 +158,22 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
         }
         Colors shown = {pixel.red + pixel.alpha * red, pixel.green + pixel.alpha * green, pixel.blue + pixel.alpha * blue,
                         (VECTOR(float))(1.0f)};
-        if (!background) {
+        Colors straight;
+        if (LINEAR || !background) {
             VECTOR(int) some = alpha > (VECTOR(float))(0.0f);
-            shown.red = some ? pixel.red / alpha : (VECTOR(float))(0.0f);
-            shown.green = some ? pixel.green / alpha : (VECTOR(float))(0.0f);
-            shown.blue = some ? pixel.blue / alpha : (VECTOR(float))(0.0f);
-            shown.alpha = some ? alpha : (VECTOR(float))(0.0f);
+            straight.red = some ? pixel.red / alpha : (VECTOR(float))(0.0f);
+            straight.green = some ? pixel.green / alpha : (VECTOR(float))(0.0f);
+            straight.blue = some ? pixel.blue / alpha : (VECTOR(float))(0.0f);
+            straight.alpha = some ? alpha : (VECTOR(float))(0.0f);
         }
+        if (!background) shown = straight;
+#if LINEAR
+        show(&shown, scales);
+        if (color) {
+            show(&straight, scales);
+            pixel.red = alpha * straight.red, pixel.green = alpha * straight.green, pixel.blue = alpha * straight.blue;
+        }
+#endif
         VECTOR(uint) bytes = to_byte(shown.red) | to_byte(shown.green) << (VECTOR(uint))(8) |
                              to_byte(shown.blue) << (VECTOR(uint))(16) | to_byte(shown.alpha) << (VECTOR(uint))(24);
         VECTOR(int) below = PASTE(as_, VECTOR(int))(pixel.alpha) < (VECTOR(int))(0);  // or -0, over an opaque surface

@@ -12,8 +12,9 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  global const Lighting *lighting, global const Wiring *wiring,
                  global const uint *wire_lists, global const Wire *wires,
                  global uint *tile_samples, int side_bits,
-                 global const float4 *background, int gradient, volatile global uint *clamped,
-                 global uint *image, global float4 *color, global const float *parameters, global float *values)
+                 global const float4 *background, int gradient, global const uint *scales,
+                 volatile global uint *clamped, global uint *image, global float4 *color,
+                 global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
     const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
@@ -39,7 +40,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
         BARRIER;
         if (LANE == 0) tile_samples[tile] = solid;
         composite_tile(layer, screen.first_tile + tile, screen.columns, side_bits, screen.width,
-                       screen.height, background, gradient, image, color);
+                       screen.height, background, gradient, scales, image, color);
         BARRIER;
     }
 }

@@ -7,14 +7,17 @@
 // an outline, or there is but one, strokes end there. So a band of triangles, behind all others, takes them on:
 //
 //     tip --- out ------------- out --- tip       The ends are the edge's own vertices, so band and face share the edge
-//        \     |                 |     /          as two faces do. At an end where another band begins, both end at the
-//          \   |                 |   /            line between them: at the tip where they turn away from each other, or
-//             end  -----------  end               with `out` on that line where they turn to each other.
-//            ------- surface -------
+//        \     |                 |     /          as two faces do. At an end where other bands begin, this one and the next one
+//          \   |                 |   /            beyond its open side end at the line between them: at the tip where they
+//             end  -----------  end               turn away from each other, or with `out` on that line where they turn to
+//            ------- surface -------              each other.
 #include "stages/segments.h"
 
 // How far the tip of a band may be from its end, in widths of the band.
 #define TIP_LIMIT 2.0f
+
+// Where more other bands than this end at one place, none are joined.
+#define MOST_JOINED 7
 
 // On which side of the way from a to b a vertex lies: 1 where it is clockwise from b as seen from a (y down), or -1; 0 if
 // it is on the line, or is no number. a, b, apex: as projected. Whole vertices decide by whole numbers, as records do.
@@ -88,11 +91,13 @@ kernel void see_edges(global const int4 *edges, uint edge_count, global const uc
             vertex_in_clip_space(positions, low_positions, matrix, edge.x, end);
             vertex_in_clip_space(positions, low_positions, matrix, edge.y, end + 1);
             place_of(end, at);
-            if (!way_to(at, end + 1, across, &way)) continue;
+            way_to(at, end + 1, across, &way);
         }
         found[k] = side_of(&a, &b, &apex, at, &way, across, &clipped);
-        // The first face runs from end to end. So it is seen from behind if its corners run clockwise.
+        // The first face runs from end to end. So it is seen from behind if its corners run clockwise. What has no area
+        // counts as seen from the front, at all of its edges, so that outlines are closed.
         int behind = k == 0 || kind & ALIKE ? 1 : -1;
+        if (!found[k] && !(apex.outcode & NOT_FINITE)) found[k] = -behind;
         if ((one_sided || kind & (k == 0 ? FIRST_ONE_SIDED : SECOND_ONE_SIDED)) && found[k] == behind) found[k] = 0;
     }
     if (found[0] * found[1] >= 0) sides[id] = (char)(found[0] ? -found[0] : -found[1]);
@@ -125,8 +130,8 @@ INLINE BandEnd band_end(const Way *way, float n_x, float n_y, float width, const
 }
 
 // chosen: the edges that have bands. outlines: whether all of these are drawn, on bands as wide as a whole stroke, as little
-// of an outline may be seen on the surface. Else those that are WIRED are, on bands of half the width. faces_of: a face of each edge. margin: how much wider than seen a band is, in subpixels, so that its rim can be
-// smooth. places: for each vertex the same number as for all others at its place. around_starts, around: the edges that
+// of an outline may be seen on the surface. Else those that are WIRED are, on bands of half the width. faces_of: a face of
+// each edge. margin: how much wider than seen a band is, in subpixels, so that its rim can be smooth. places: for each vertex the same number as for all others at its place. around_starts, around: the edges that
 // end at each place. band_wires: receives the wires of bands. faces: receives their triangles, from first_face on.
 // vertices: receives their corners, from first_vertex on.
 kernel void expand_bands(global const uint *chosen, uint band_count, global const int4 *edges, global const char *sides,
@@ -169,24 +174,25 @@ kernel void expand_bands(global const uint *chosen, uint band_count, global cons
     if (!drawn) return;
     float side = (float)sides[number], n_x = -side * way[0].y, n_y = side * way[0].x;
     for (int e = 0; e < 2; ++e, own += 3) {
-        // The band that this one is joined to is the next one from it to its outer side, if that turns its outer side here.
-        float width = wire.reach + (e ? wire.growth : 0.0f) + margin, m_x = 0.0f, m_y = 0.0f, least = 5.0f;
-        float own_turn = e == 0 ? side : -side;
-        Way next;
-        uint here = places[vertex[e]], end_of_list = MIN(around_starts[here + 1], around_starts[here] + MOST_AROUND);
-        for (uint k = segment.cut[e] ? end_of_list : around_starts[here]; k < end_of_list; ++k) {
+        float width = wire.reach + (e ? wire.growth : 0.0f) + margin, m_x = 0.0f, m_y = 0.0f, least = MAXFLOAT;
+        Way on, other_way;
+        uint others = segment.cut[e] ? MOST_JOINED + 1 : 0, here = places[vertex[e]];
+        for (uint k = around_starts[here]; k < around_starts[here + 1] && others <= MOST_JOINED; ++k) {
             uint other = around[k];
             if (other == number || !sides[other]) continue;
+            ++others;
             bool begins = places[edges[other].x] == here;
             float turn = begins ? (float)sides[other] : -(float)sides[other];
+            if (turn == (e ? -side : side)) continue;  // its surface is on the other side
             ClipVertex far;
             vertex_in_clip_space(positions, low_positions, matrix, begins ? edges[other].y : edges[other].x, &far);
-            Way on;
-            if (turn == own_turn || !way_to(at + e, &far, across, &on)) continue;
-            float cosine = on.x * way[e].x + on.y * way[e].y, angle = on.x * n_x + on.y * n_y >= 0.0f ? 1.0f - cosine : 3.0f + cosine;
-            if (angle < least) least = angle, next = on, m_x = -turn * on.y, m_y = turn * on.x;
+            if (!way_to(at + e, &far, across, &other_way)) continue;
+            float along = other_way.x * way[e].x + other_way.y * way[e].y;
+            float angle = other_way.x * n_x + other_way.y * n_y > 0.0f ? 1.0f - along : 3.0f + along;  // grows with it
+            if (angle < least) least = angle, on = other_way, m_x = -turn * on.y, m_y = turn * on.x;
         }
-        BandEnd end = band_end(way + e, n_x, n_y, width, least < 5.0f ? &next : 0, m_x, m_y);
+        bool joined = others <= MOST_JOINED && least < MAXFLOAT;
+        BandEnd end = band_end(way + e, n_x, n_y, width, joined ? &on : 0, m_x, m_y);
         put(own, at + e, 0.0f, 0.0f, across, at[e].depth);
         float depth = at[e].depth + end.share * (at[1 - e].depth - at[e].depth);
         put(own + 1, at + e, end.out_x, end.out_y, across, depth);

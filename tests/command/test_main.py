@@ -17,6 +17,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,7 +31,7 @@ from clpeel.command.inputs import make_camera
 from clpeel.command.terminal import Progress
 from clpeel.errors import InputError, NoDeviceError
 from clpeel.options import options_of
-from clpeel.rendering.options import COMMAND_BACKGROUND, PictureOptions
+from clpeel.rendering.options import BACKGROUND, PictureOptions
 from clpeel.techniques import TECHNIQUES
 
 PYTHON = (sys.executable, "-P")  # -P: not the sources in the working folder, but the package that is installed
@@ -420,7 +421,7 @@ def test_render_is_asked_for_what_the_options_say(mesh: Path, fake: Any, tmp_pat
         (1024, 1024),
         "sort",
         "kit",
-        COMMAND_BACKGROUND,
+        BACKGROUND,
     )
     assert (plain.device, plain.lanes) == (None, None)
     assert not vars(plain).keys() & {"memory", "opaque"}  # what is not given keeps its default
@@ -562,7 +563,7 @@ def test_a_moment_of_an_animation_is_asked_for(
 
 def test_notes_about_the_picture_are_said_once(mesh: Path, tmp_path: Path, capfd: Any, monkeypatch: Any) -> None:
     monkeypatch.setattr(clpeel, "load", lambda *_, **__: replace(load(mesh), notes=("of the scene",)))
-    load, render = clpeel.reading.load.load, clpeel.render
+    load, render = clpeel.reading.load.load, plainly.render
 
     def noting(*arguments: Any, **options: Any) -> Any:
         result = render(*arguments, **options)

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import plainly
 import pyopencl as cl
 import pytest
 
@@ -100,9 +101,9 @@ def test_what_was_built_is_kept_for_the_process():
 def test_threads_do_not_disturb_each_other():
     corners = np.random.default_rng(0).uniform(-1, 1, (90, 3))
     scene = clpeel.Scene.from_arrays(corners, np.arange(90).reshape(-1, 3), color=(255, 0, 0, 100))
-    alone = clpeel.render(scene, size=(64, 64)).color
+    alone = plainly.render(scene, size=(64, 64)).color
     with ThreadPoolExecutor(4) as pool:
-        together = list(pool.map(lambda _: clpeel.render(scene, size=(64, 64)).color, range(40)))
+        together = list(pool.map(lambda _: plainly.render(scene, size=(64, 64)).color, range(40)))
     assert all((color == alone).all() for color in together)
 
 

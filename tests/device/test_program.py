@@ -69,6 +69,8 @@ BUILDS = [
     (64, False, "face", "mixed", EVERYTHING),
     (1, True, "scene", "transparent", {"materials": True, "routed": True}),
     (64, True, "scene", "mixed", {"materials": True, "levels": True}),
+    (1, False, "face", "mixed", {**LIT, "linear": True}),
+    (64, True, "vertex", "transparent", {"linear": True}),
 ]
 
 

@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 
 import clpeel
@@ -30,13 +31,13 @@ def views(scene: clpeel.Scene) -> list[clpeel.Camera]:
 
 @pytest.mark.parametrize("shared", [True, False], ids=["one renderer", "a renderer each"])
 def test_threads_get_the_same_bits(scene: clpeel.Scene, shared: bool) -> None:
-    cameras, renderer = views(scene), clpeel.Renderer(scene)
+    cameras, renderer = views(scene), plainly.Renderer(scene)
     techniques = ("sort", "dual-depth-peeling")
 
     def picture(number: int) -> np.ndarray:
         options: dict[str, Any] = {"size": SIZE, "technique": techniques[number % 2]}
         camera = cameras[number % 6]
-        result = renderer.render(camera, **options) if shared else clpeel.render(scene, camera, **options)
+        result = renderer.render(camera, **options) if shared else plainly.render(scene, camera, **options)
         return result.color.view(np.uint32)
 
     want = [picture(number) for number in range(6)]
@@ -46,14 +47,14 @@ def test_threads_get_the_same_bits(scene: clpeel.Scene, shared: bool) -> None:
 
 
 def test_a_picture_within_a_picture_is_refused(scene: clpeel.Scene) -> None:
-    renderer = clpeel.Renderer(scene)
+    renderer = plainly.Renderer(scene)
     with pytest.raises(InputError, match="expected no picture of this Renderer under way in this thread"):
         renderer.render(size=SIZE, progress=lambda done, text: renderer.render(size=SIZE))
     renderer.render(size=SIZE)  # and the Renderer is free again
 
 
 def test_a_refused_picture_does_not_hold_others_up(scene: clpeel.Scene) -> None:
-    renderer = clpeel.Renderer(scene)
+    renderer = plainly.Renderer(scene)
     with pytest.raises(InputError):
         renderer.render(size=SIZE, samples=3)
     thread = threading.Thread(target=renderer.render, kwargs={"size": SIZE})
@@ -86,7 +87,7 @@ needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs os.fork, 
 @needs_fork
 @pytest.mark.parametrize("busy", [False, True], ids=["idle", "while a thread renders"])
 def test_a_forked_child_says_what_to_do(scene: clpeel.Scene, busy: bool) -> None:
-    renderer = clpeel.Renderer(scene)
+    renderer = plainly.Renderer(scene)
     want = renderer.render(size=SIZE).image
     started, ended = threading.Event(), threading.Event()
 
@@ -100,7 +101,7 @@ def test_a_forked_child_says_what_to_do(scene: clpeel.Scene, busy: bool) -> None
         assert started.wait(60)
     for do in (
         lambda: renderer.render(size=SIZE),
-        lambda: clpeel.render(scene, size=SIZE),
+        lambda: plainly.render(scene, size=SIZE),
         lambda: clpeel.complexity(scene, size=SIZE),
     ):
         said = answer_of_a_fork(do)
@@ -113,13 +114,13 @@ def test_a_forked_child_says_what_to_do(scene: clpeel.Scene, busy: bool) -> None
 
 @needs_fork
 def test_workers_that_are_forked_fail_and_do_not_hang(scene: clpeel.Scene) -> None:
-    clpeel.render(scene, size=SIZE)
+    plainly.render(scene, size=SIZE)
     with ProcessPoolExecutor(1, multiprocessing.get_context("fork")) as pool, pytest.raises(DeviceError, match="spawn"):
-        pool.submit(clpeel.render, scene, size=SIZE).result(60)
+        pool.submit(plainly.render, scene, size=SIZE).result(60)
 
 
 def test_workers_that_are_spawned_render(scene: clpeel.Scene) -> None:
-    want = clpeel.render(scene, size=SIZE).image
+    want = plainly.render(scene, size=SIZE).image
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        got = pool.submit(clpeel.render, scene, size=SIZE).result(120)
+        got = pool.submit(plainly.render, scene, size=SIZE).result(120)
     np.testing.assert_array_equal(got.image, want)

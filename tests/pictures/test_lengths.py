@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import plainly
 import pytest
 import trimesh
 from hypothesis import given
@@ -40,8 +41,8 @@ def test_a_range_far_beyond_the_scene_changes_nothing(
     scene = soup()
     fitted = Camera.frame(scene, orthographic=orthographic)
     given = replace(fitted, clipping_range=clipping_range)
-    want = clpeel.render(scene, fitted, size=SIZE, technique=technique, lanes=lanes)
-    got = clpeel.render(scene, given, size=SIZE, technique=technique, lanes=lanes)
+    want = plainly.render(scene, fitted, size=SIZE, technique=technique, lanes=lanes)
+    got = plainly.render(scene, given, size=SIZE, technique=technique, lanes=lanes)
     assert got.stats["fragments"] == want.stats["fragments"] > 0
     # The same layers in the same order; where depths are counted from changes how weights and colours round.
     assert np.abs(got.color - want.color).max() <= (3 * got.stats["layers_max"] + 40) * reference.UNIT
@@ -53,7 +54,7 @@ def test_window_depths_of_such_a_range_are_all_equal(depth_format: str, orthogra
     """As the format has it, all lie where the range ends: the order of submission is left, and numbers are finite."""
     scene = soup()
     camera = replace(Camera.frame(scene, orthographic=orthographic), clipping_range=(1e-300, 1e300))
-    result = clpeel.render(scene, camera, size=SIZE, depth_format=depth_format)
+    result = plainly.render(scene, camera, size=SIZE, depth_format=depth_format)
     assert np.isfinite(result.color).all() and result.stats["fragments"] > 0
 
 
@@ -62,7 +63,7 @@ def test_a_range_that_the_scene_is_not_in_draws_nothing(orthographic: bool) -> N
     scene = soup()
     for clipping_range in ((1e-46, 1e-45), (1e-300, 1e-3), (1e3, 1e300), (1e38, 1e39), (1e39, 1e300)):
         camera = replace(Camera.frame(scene, orthographic=orthographic), clipping_range=clipping_range)
-        result = clpeel.render(scene, camera, size=SIZE)
+        result = plainly.render(scene, camera, size=SIZE)
         assert result.stats["fragments"] == 0 and (result.image == 255).all()
 
 
@@ -72,10 +73,10 @@ def test_a_near_plane_that_cuts_is_kept_though_the_far_one_is_far_away() -> None
     whole = Camera.frame(scene, orthographic=True)
     middle = whole.distance
     parts = [
-        clpeel.render(scene, replace(whole, clipping_range=part), size=SIZE).stats["fragments"]
+        plainly.render(scene, replace(whole, clipping_range=part), size=SIZE).stats["fragments"]
         for part in ((middle, 1e300), (-1e300, middle))
     ]
-    assert sum(parts) == clpeel.render(scene, whole, size=SIZE).stats["fragments"] and min(parts) > 0
+    assert sum(parts) == plainly.render(scene, whole, size=SIZE).stats["fragments"] and min(parts) > 0
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
@@ -87,7 +88,7 @@ def test_thickness_is_finite_and_right_at_any_size(size: float, orthographic: bo
     camera = Camera.frame(scene, orthographic=orthographic)
     for technique in ("thickness", "translucency"):
         for variant in ("exact", "total", "first-solid"):
-            result = clpeel.render(scene, camera, size=(31, 31), technique=technique, variant=variant)
+            result = plainly.render(scene, camera, size=(31, 31), technique=technique, variant=variant)
             assert np.isfinite(result.thickness).all() and np.isfinite(result.color).all()
             # Depths are relative to the distance, some 5 boxes: a few of their roundings, of 2^-24 each.
             assert result.thickness[15, 15] / size == pytest.approx(0.75, rel=64 * reference.UNIT)
@@ -99,7 +100,7 @@ def test_translucency_knows_no_size() -> None:
     images = []
     for size in (1.0, 2.0**140, 2.0**-150):
         scene = Scene.from_arrays(box.vertices * size, box.faces, color=(1.0, 0.5, 0.2, 0.5))
-        images.append(clpeel.render(scene, size=SIZE, technique="translucency").image)
+        images.append(plainly.render(scene, size=SIZE, technique="translucency").image)
     assert len(np.unique(images[0])) > 9
     for image in images[1:]:
         assert np.abs(image.astype(int) - images[0]).max() <= 1
@@ -110,7 +111,7 @@ def test_layers_have_finite_depths_at_any_size(size: float, tmp_path: Path) -> N
     box = trimesh.creation.box()
     scene = Scene.from_arrays(box.vertices * size, box.faces, color=(1.0, 0.0, 0.0, 0.5))
     camera = Camera.frame(scene)
-    layers = clpeel.render(scene, camera, size=(31, 31), layers=True).layers
+    layers = plainly.render(scene, camera, size=(31, 31), layers=True).layers
     depths = [layers.layer(k)[1][15, 15] / size for k in range(2)]
     middle = camera.distance / size
     np.testing.assert_allclose(depths, [middle - 0.5, middle + 0.5], rtol=16 * reference.UNIT)

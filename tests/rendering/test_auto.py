@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -62,10 +63,10 @@ def test_whatever_is_chosen_keeps_to_the_error(
     if opaque and soup.face_colors is not None:
         soup.face_colors[::7, 3] = 255
     scene, call = soup.scene(), {"camera": BENCH.camera(), "size": size}
-    truth = clpeel.render(scene, lanes=1, **call)
+    truth = plainly.render(scene, lanes=1, **call)
     rounding = blending_bound(truth.stats["layers_max"] + 1)
     for lanes in (1, 64):
-        got = clpeel.render(scene, technique="auto", max_error=error, lanes=lanes, **call)
+        got = plainly.render(scene, technique="auto", max_error=error, lanes=lanes, **call)
         off = np.abs(got.color.astype(float) - truth.color).max(axis=2)
         assert (off <= got.error_bound + rounding).all()
         kept = got.stats["auto"]["max_error"]
@@ -76,7 +77,7 @@ def test_whatever_is_chosen_keeps_to_the_error(
         name, variant = chosen(got)
         assert got.stats["technique"] == name
         if TECHNIQUES[name].exact:  # it is what it says, to the bit
-            same = clpeel.render(scene, technique=name, max_error=kept, lanes=lanes, **variant, **call)
+            same = plainly.render(scene, technique=name, max_error=kept, lanes=lanes, **variant, **call)
             assert (same.color == got.color).all() and (same.image == got.image).all()
 
 
@@ -92,7 +93,7 @@ def test_an_8_bit_value_is_off_by_one_step_at_most() -> None:
 def test_sums_where_nothing_can_be_seen_of_the_order(count: int, technique: str, lanes: int) -> None:
     """Of layers of 1/255, 9 sum to within 36 / 255^2 of the truth, which is below 1/255; 60 do not."""
     scene = soups.stack(np.linspace(1, 7, count), [1.0, 0.5, 0.0, 1 / 255]).scene()
-    got = clpeel.render(scene, AHEAD.camera(), (32, 32), "auto", lanes=lanes)
+    got = plainly.render(scene, AHEAD.camera(), (32, 32), "auto", lanes=lanes)
     names = [got.stats["technique"], *got.stats["auto"]["alternatives"]]
     assert ("weighted-sum" in names) == (technique == "weighted-sum")
     if got.stats["technique"] == "weighted-sum":
@@ -107,7 +108,7 @@ def test_what_a_sum_is_off_by(seed: int, count: int, most: float) -> None:
     for background in ((1.0, 1.0, 1.0), (0.0, 0.5, 1.0)):
         over = [
             result.color[..., :3] + (1 - result.color[..., 3:].astype(float)) * background
-            for result in (clpeel.render(scene, technique=name, **call) for name in ("sort", "weighted-sum"))
+            for result in (plainly.render(scene, technique=name, **call) for name in ("sort", "weighted-sum"))
         ]
         bound = left_out(count, float(np.float32(colors[:, 3].max())))
         assert np.abs(over[0] - over[1]).max() <= bound + 2 * (3 * count + 4) * UNIT
@@ -115,7 +116,7 @@ def test_what_a_sum_is_off_by(seed: int, count: int, most: float) -> None:
 
 def test_opaque_scenes_are_not_looked_at(lanes: int) -> None:
     scene = soups.random(5, 4000, "large", alpha=(1.0, 1.0)).scene()
-    renderer = clpeel.Renderer(scene, lanes=lanes)
+    renderer = plainly.Renderer(scene, lanes=lanes)
     renderer.gpu.programs.clear()
     got = renderer.render(BENCH.camera(), (300, 200), "auto")
     assert "counting" not in got.stats["seconds"] and got.stats["passes"] == 0 and not got.error_bound.max() > 1e-5
@@ -125,14 +126,14 @@ def test_opaque_scenes_are_not_looked_at(lanes: int) -> None:
 
 def test_what_is_small_is_not_looked_at(lanes: int) -> None:
     scene = soups.random(5, 40, "large", alpha=(0.2, 0.7)).scene()
-    got = clpeel.render(scene, BENCH.camera(), (60, 40), "auto", lanes=lanes)
+    got = plainly.render(scene, BENCH.camera(), (60, 40), "auto", lanes=lanes)
     assert "counting" not in got.stats["seconds"] and got.stats["technique"] == "sort"
 
 
 def test_a_look_sees_what_there_is(lanes: int, bench: Any) -> None:
     """Its sums are close to those of all tiles; those of the lists are the same."""
     scene, camera, size = bench("boxes").scene(), BENCH.camera(), (512, 512)
-    gpu = clpeel.Renderer(scene, lanes=lanes).gpu
+    gpu = plainly.Renderer(scene, lanes=lanes).gpu
     whole = count_layers(gpu, upload(gpu, scene), camera, size, True).tiles
     triangles = project(gpu, upload(gpu, scene), camera, size, False, True)
     tiles = clpeel.stages.binning.bin_triangles(gpu, triangles, 1 << 30)
@@ -170,13 +171,13 @@ def test_memory_is_what_it_says(lanes: int, bench: Any) -> None:
     original = auto.choose_technique
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(auto, "choose_technique", lambda *given: found.append(original(*given)) or found[0])
-        renderer = clpeel.Renderer(scene, lanes=lanes)
+        renderer = plainly.Renderer(scene, lanes=lanes)
         renderer.gpu.buffers.clear()
         renderer.render(technique="auto", **call)
     choice = found[0]
     assert {other.technique.name for other in choice.others} >= {"depth-peeling", "dual-depth-peeling"}
     for one in (choice.chosen, *choice.others):
-        renderer = clpeel.Renderer(scene, lanes=lanes)
+        renderer = plainly.Renderer(scene, lanes=lanes)
         renderer.gpu.buffers.clear()
         stats = renderer.render(technique=one.technique.name, **dict(one.options.given()), **call).stats
         taken = sum(size for name, size in stats["bytes"].items() if name != "values")
@@ -190,8 +191,8 @@ def test_what_memory_does_not_hold_is_peeled(lanes: int) -> None:
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (2, 2), "lanes": lanes, "memory": "1M"}
     call["max_error"] = 1 / 255
     with pytest.raises(clpeel.InputError, match="memory: expected room for the .* fragments of one pixel"):
-        clpeel.render(soup.scene(), **call)
-    got = clpeel.render(soup.scene(), technique="auto", **call)
+        plainly.render(soup.scene(), **call)
+    got = plainly.render(soup.scene(), technique="auto", **call)
     assert got.stats["technique"] != "sort" and got.stats["passes"] <= 8
     assert np.abs(got.color - [1.0, 0.5, 0.25, 1.0]).max() <= got.error_bound.max()
     assert "not there" in got.stats["auto"]["explanation"][2]
@@ -202,15 +203,15 @@ def test_batches_and_layers(lanes: int) -> None:
     """The batch that is looked at is drawn once, as all others; layers are there for the asking."""
     scene = soups.random(9, 15000, "large", alpha=(0.2, 0.6)).scene()
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (200, 150), "lanes": lanes, "max_error": 0.0}
-    want = clpeel.render(scene, **call)
-    got = clpeel.render(scene, technique="auto", memory="1M", layers=True, **call)
+    want = plainly.render(scene, **call)
+    got = plainly.render(scene, technique="auto", memory="1M", layers=True, **call)
     assert got.stats["batches"] > 2 and got.stats["fragments"] == want.stats["fragments"]
     assert (got.color == want.color).all() or got.stats["technique"] == "dual-depth-peeling"
     assert len(got.layers.depth) == want.stats["fragments"]
 
 
 def test_the_least_estimate_is_chosen(lanes: int, bench: Any) -> None:
-    got = clpeel.render(bench("grass").scene(), BENCH.camera(), (512, 512), "auto", lanes=lanes, max_error=1 / 255)
+    got = plainly.render(bench("grass").scene(), BENCH.camera(), (512, 512), "auto", lanes=lanes, max_error=1 / 255)
     lines = got.stats["auto"]["explanation"]
     assert len(lines) == 3 and all("\n" not in line for line in lines)
     assert "counting" in got.stats["seconds"] and "hide what is behind" in lines[1]
@@ -225,7 +226,7 @@ def test_what_cannot_be_is_refused(options: dict[str, Any]) -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     name = next(iter(options))
     with pytest.raises(clpeel.InputError, match=f"^{name}: "):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), "auto", **options)
+        plainly.render(scene, AHEAD.camera(), (4, 4), "auto", **options)
 
 
 def test_the_command(tmp_path: Any, capfd: Any) -> None:

@@ -6,6 +6,7 @@ import math
 from itertools import product
 
 import numpy as np
+import plainly
 import pytest
 
 import clpeel
@@ -143,7 +144,7 @@ def test_small_pictures_have_none_and_a_note_says_so() -> None:
     scene = clpeel.Scene.from_arrays(np.eye(3), [[0, 1, 2]])
     camera = clpeel.Camera.frame(scene, (-1, -1, -1))
     for size, there in (((95, 400), False), ((96, 96), True)):
-        plain = clpeel.render(scene, camera, size)
+        plain = plainly.render(scene, camera, size)
         found = plain.with_axis(camera)
         note = f"no axes: {size[0]} x {size[1]} pixels are too few, they need 96 on each side"
         assert (note in found.stats.notes) != there and note not in plain.stats.notes
@@ -154,7 +155,7 @@ def test_small_pictures_have_none_and_a_note_says_so() -> None:
 def test_the_picture_without_it_stays_as_it_is(lanes: int) -> None:
     scene = clpeel.Scene.from_arrays(np.eye(3), [[0, 1, 2]])
     camera = clpeel.Camera.frame(scene, (-1, -1, -1))
-    plain = clpeel.render(scene, camera, (200, 150), lanes=lanes)
+    plain = plainly.render(scene, camera, (200, 150), lanes=lanes)
     before = plain.image.copy()
     found = plain.with_axis(camera, lanes=lanes)
     np.testing.assert_array_equal(plain.image, before)

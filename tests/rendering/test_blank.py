@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import clpeel
 from clpeel import Camera, Scene
 from clpeel.techniques import TECHNIQUES
 
@@ -23,7 +23,7 @@ def square(color: Any = (1.0, 0.0, 0.0), opacity: float | None = None) -> Scene:
 
 
 def notes(scene: Scene, camera: Camera | None = FACING, **options: Any) -> list[str]:
-    return clpeel.render(scene, camera, size=(24, 16), **options).stats["notes"]
+    return plainly.render(scene, camera, size=(24, 16), **options).stats["notes"]
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_a_picture_that_shows_something_says_nothing(technique: str, opacity: fl
 def test_one_pixel_is_enough() -> None:
     speck = Scene.from_arrays(SQUARE * 0.01, FACES, color=(0.0, 0.0, 0.0))
     at_pixel = Camera((0, 0, 1), (0.0, 0.0, 0), view_angle=30)
-    result = clpeel.render(speck, at_pixel, size=(101, 101))
+    result = plainly.render(speck, at_pixel, size=(101, 101))
     assert 0 < (result.image[..., 0] == 0).sum() < 16
     assert result.stats["notes"] == []
 
@@ -90,7 +90,7 @@ def test_the_default_camera_sees_the_face_of_any_flat_mesh(axis: int, first: flo
         return matrix
 
     corners = SQUARE @ turn(axis, first).T @ turn((axis + 1) % 3, second).T
-    result = clpeel.render(Scene.from_arrays(corners, FACES, color=(1.0, 0.0, 0.0)), size=(60, 60))
+    result = plainly.render(Scene.from_arrays(corners, FACES, color=(1.0, 0.0, 0.0)), size=(60, 60))
     # The square fills 2 / pi of the bounding circle at least; bounds along the axes may be up to sqrt(3) times larger.
     assert (result.image[..., 1] < 255).mean() > 0.15
     assert result.stats["notes"] == []

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -90,14 +91,14 @@ def test_each_blend_is_rounded(seed: int, count: int, alpha: tuple[float, float]
     Lane counts take turns: test_extremes_in_buffers.py has both in the precisions of the papers.
     """
     scene, call = scattered(seed, count, alpha, opaque).scene(), {"camera": BENCH.camera(), "size": (19, 17)}
-    sorted_ = clpeel.render(scene, layers=True, lanes=1, **call)
+    sorted_ = plainly.render(scene, layers=True, lanes=1, **call)
     right = truth(sorted_.layers)
     for turn, precision in enumerate(PRECISIONS):
         stacks = Stacks(sorted_.layers, precision)
         bound = blending_bound(sorted_.stats["layers_max"] + 1, precision)
         for place, technique in enumerate(PICTURES):
             want, lanes = blended(technique, stacks), LANES[(turn + place) % len(LANES)]
-            got = clpeel.render(scene, technique=technique, precision=precision, lanes=lanes, **call)
+            got = plainly.render(scene, technique=technique, precision=precision, lanes=lanes, **call)
             reason = f"{technique}, {precision}, {lanes} lanes"
             if technique == "weighted-average":
                 judge.color(got, want, AVERAGE_ROUNDINGS, reason)
@@ -113,7 +114,7 @@ def test_each_blend_is_rounded(seed: int, count: int, alpha: tuple[float, float]
 def test_translucency_is_stored_once(precision: str, lanes: int, judge: Judge) -> None:
     scene = scattered(3, 60, (0.1, 0.9), True).scene()
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (19, 17), "technique": "translucency", "lanes": lanes}
-    plain, got = (clpeel.render(scene, precision=p, variant="total", **call) for p in (DEFAULT_PRECISION, precision))
+    plain, got = (plainly.render(scene, precision=p, variant="total", **call) for p in (DEFAULT_PRECISION, precision))
     want = KEPT[precision](plain.color * FULL[precision]) / FULL[precision]
     want[..., 3] = plain.color[..., 3]
     judge.same_bits(got, SimpleNamespace(color=want, image=got.image))
@@ -129,7 +130,7 @@ def test_opaque_surfaces_alone(precision: str, lanes: int) -> None:
     want = KEPT[precision](rgb[0] * FULL[precision]) / FULL[precision]
     assert (want != rgb[0]).all() or precision == DEFAULT_PRECISION
     for technique in PICTURES:
-        got = clpeel.render(scene, AHEAD.camera(), (3, 2), technique, precision=precision, lanes=lanes)
+        got = plainly.render(scene, AHEAD.camera(), (3, 2), technique, precision=precision, lanes=lanes)
         assert (got.color == [*want, 1]).all() and got.stats["passes"] == 0
 
 
@@ -139,8 +140,8 @@ def test_samples_have_buffers_of_their_own(precision: str, lanes: int) -> None:
     scene, camera = scattered(5, 60, (0.1, 0.9), True).scene(), BENCH.camera()
     for technique in PICTURES:
         options = {"technique": technique, "precision": precision, "lanes": lanes}
-        fine = clpeel.render(scene, camera, (40, 24), **options).color.astype(float)
-        mean = clpeel.render(scene, camera, (5, 3), samples=64, **options).color
+        fine = plainly.render(scene, camera, (40, 24), **options).color.astype(float)
+        mean = plainly.render(scene, camera, (5, 3), samples=64, **options).color
         want = fine.reshape(3, 8, 5, 8, 4).mean(axis=(1, 3))
         assert np.abs(mean - want).max() <= 65 * UNIT * max(1, np.abs(want).max()), technique
 
@@ -157,7 +158,7 @@ def test_eight_bits_stick(technique: str, lanes: int) -> None:
     """
     scene = stack(1000, (1, 1, 1, 1 / 255)).scene()
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (2, 2), "background": (0, 0, 0), "lanes": lanes}
-    float32, unorm8 = (clpeel.render(scene, technique=technique, precision=p, **call) for p in ("float32", "unorm8"))
+    float32, unorm8 = (plainly.render(scene, technique=technique, precision=p, **call) for p in ("float32", "unorm8"))
     exact = 1 - (1 - 1 / 255) ** 1000
     assert (float32.image[..., :3] == 250).all()
     assert np.abs(float32.color - exact).max() <= blending_bound(1000)
@@ -178,7 +179,7 @@ def test_the_error_of_over_blending_does_not_grow(lanes: int) -> None:
         for n in (1, 2, 10, 250):
             # Dual peeling with a front half that is not there: the back alone.
             rgba = np.concatenate([np.zeros((n, 4)), np.tile([1, *rng.random(2), a], (n, 1))]).astype(F)
-            got = clpeel.render(
+            got = plainly.render(
                 stack(2 * n, rgba).scene(),
                 AHEAD.camera(),
                 (2, 2),
@@ -196,7 +197,7 @@ def test_the_error_of_over_blending_does_not_grow(lanes: int) -> None:
 def test_the_bound_is_of_the_right_size() -> None:
     """Layers of just less than half a step are lost, each: half of what 2 N roundings of half a step allow."""
     n, a = 100, 0.49 / 255
-    got = clpeel.render(stack(n, (1, 1, 1, a)).scene(), AHEAD.camera(), (2, 2), precision="unorm8", lanes=1)
+    got = plainly.render(stack(n, (1, 1, 1, a)).scene(), AHEAD.camera(), (2, 2), precision="unorm8", lanes=1)
     assert (got.color == 0).all()
     error, bound = 1 - (1 - a) ** n, blending_bound(n, "unorm8")
     assert bound / 4 < error < bound / 2 < 0.5
@@ -210,10 +211,10 @@ def test_sums_of_8_bits(a: float, steps: int, lanes: int) -> None:
     """What is less than half a step never arrives, what is more counts whole; and no sum leaves 0..1."""
     scene = stack(300, (1, 0.5, 0, a)).scene()
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (2, 2), "technique": "weighted-sum", "lanes": lanes}
-    got = clpeel.render(scene, precision="unorm8", **call)
+    got = plainly.render(scene, precision="unorm8", **call)
     assert (got.color[..., [0, 3]] == min(steps, 255) / F(255)).all() and (got.color[..., 2] == 0).all()
     assert got.stats["clamped_pixels"] == 0
-    exact = clpeel.render(scene, precision="float32", **call)
+    exact = plainly.render(scene, precision="float32", **call)
     assert np.abs(exact.color[..., 0] - 300 * float(F(a))).max() <= 300 * UNIT * 300 * a
     assert exact.stats["clamped_pixels"] == (4 if 300 * a > 1 else 0)
 
@@ -224,14 +225,14 @@ def test_sums_of_8_bits(a: float, steps: int, lanes: int) -> None:
 @given(**SCENES, error=st.sampled_from([0.0, 1 / 255, 1 / 16, 0.3]))
 def test_no_pixel_is_off_by_more(seed: int, count: int, alpha: tuple[float, float], opaque: bool, error: float) -> None:
     scene, call = scattered(seed, count, alpha, opaque).scene(), {"camera": BENCH.camera(), "size": (19, 17)}
-    right = truth(clpeel.render(scene, layers=True, lanes=1, **call).layers)
+    right = truth(plainly.render(scene, layers=True, lanes=1, **call).layers)
     for technique in EXACT:
         # One shape for each kernel, the one that is built sooner: test_max_error.py has both in float32.
         lanes = 1 if technique == "sort" else 64
         for precision in PRECISIONS:
             if precision == DEFAULT_PRECISION:
                 continue
-            got = clpeel.render(scene, technique=technique, precision=precision, lanes=lanes, max_error=error, **call)
+            got = plainly.render(scene, technique=technique, precision=precision, lanes=lanes, max_error=error, **call)
             assert (off(got.color, right) <= got.error_bound).all(), (technique, precision)
             most = error + blending_bound(got.stats["layers_max"] + 1, precision)
             assert (got.error_bound <= min(most, 1) + UNIT).all()
@@ -249,7 +250,7 @@ def test_bytes_a_pixel(technique: str, buffers: int) -> None:
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (2, 2), "technique": technique, "lanes": 1}
     mixed, float32 = stack(2, (1, 1, 1, 0.5)).scene(), {}
     for precision, color in (("float32", 16), ("half", 8), ("unorm8", 4)):
-        held = clpeel.render(mixed, precision=precision, **call).stats["buffer_bytes_per_pixel"]
+        held = plainly.render(mixed, precision=precision, **call).stats["buffer_bytes_per_pixel"]
         float32[precision] = held - (FRAGMENT_BYTES + color) - buffers * color
     assert len(set(float32.values())) == 1 and float32["half"] > 0
 
@@ -267,14 +268,14 @@ def test_a_precision_there_is_not(technique: str, opaque: bool) -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 1.0 if opaque else 0.5)).scene()
     for name in ("double", "FLOAT32", "", 8, None):
         with pytest.raises(clpeel.InputError) as caught:
-            clpeel.render(scene, AHEAD.camera(), (2, 2), technique, precision=name)
+            plainly.render(scene, AHEAD.camera(), (2, 2), technique, precision=name)
         assert str(caught.value) == f"precision: expected one of float32, half, unorm8; got {name!r}"
 
 
 def test_what_does_not_blend_has_none() -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match="precision: the technique 'thickness' has no such option; it has "):
-        clpeel.render(scene, AHEAD.camera(), (2, 2), "thickness", precision="half")
+        plainly.render(scene, AHEAD.camera(), (2, 2), "thickness", precision="half")
 
 
 def test_the_command(tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:

@@ -18,6 +18,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -39,7 +40,7 @@ VIEWS = {"front": BENCH, "aside": ASIDE, "orthographic": FLAT}
 
 def render(soup: Soup, view: Eye, size: tuple[int, int], lanes: int, **options: Any) -> clpeel.Result:
     """clpeel's picture of a soup."""
-    return clpeel.render(soup.scene(), view.camera(), size=size, lanes=lanes, **options)
+    return plainly.render(soup.scene(), view.camera(), size=size, lanes=lanes, **options)
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -88,7 +89,7 @@ def test_models(lanes: int, judge: Judge, model: Callable[[str], Any]) -> None:
     scene = clpeel.load(model("bunny.ply"), opacity=0.6, color=(230, 77, 51))
     camera = clpeel.Camera.frame(scene, aspect=1.0)
     camera = replace(camera, clipping_range=(camera.distance / 10, camera.distance * 10))
-    result = clpeel.render(scene, camera, size=(200, 200), lanes=lanes)
+    result = plainly.render(scene, camera, size=(200, 200), lanes=lanes)
     judge.against_twin(result, scene, camera, (200, 200))
 
 
@@ -146,9 +147,9 @@ def test_a_renderer_that_drew_before(lanes: int, judge: Judge) -> None:
         for lighting in ("none", "headlight")
         for camera in (front, cut, front)
     ]
-    used = clpeel.Renderer(soup.scene(), lanes=lanes)
+    used = plainly.Renderer(soup.scene(), lanes=lanes)
     for number, call in enumerate(calls):
-        fresh = clpeel.Renderer(soup.scene(), lanes=lanes)
+        fresh = plainly.Renderer(soup.scene(), lanes=lanes)
         fresh.gpu = replace(fresh.gpu, buffers={}, events=[])
         got, want = used.render(**call), fresh.render(**call)
         # What is written past a buffer's end need not show in the picture, so look at the room itself.

@@ -19,6 +19,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import reference, soups
 from twins.reference import UNIT
@@ -52,7 +53,7 @@ def chosen(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> N
 
 def render(soup: Soup, view: Eye, size: tuple[int, int], lanes: int, **options: Any) -> clpeel.Result:
     """clpeel's picture of a soup."""
-    return clpeel.render(soup.scene(), view.camera(), size=size, lanes=lanes, **CHOSEN, **options)
+    return plainly.render(soup.scene(), view.camera(), size=size, lanes=lanes, **CHOSEN, **options)
 
 
 def single(value: float) -> float:
@@ -117,7 +118,7 @@ def test_01_the_kernels_guard(index: int, lanes: int, judge: Judge) -> None:
     object.__setattr__(scene, "faces", faces)
     view = replace(BENCH, clipping_range=(1.0, 8.0))
     try:
-        result = clpeel.render(scene, view.camera(), size=(40, 40), lanes=lanes)
+        result = plainly.render(scene, view.camera(), size=(40, 40), lanes=lanes)
     except clpeel.InputError:
         return
     judge.same_bits(result, render(soup.take([0, 2]), view, (40, 40), lanes))
@@ -726,7 +727,7 @@ def test_25_shuffled_triangles(colors: str, lanes: int, judge: Judge) -> None:
 @pytest.mark.parametrize("colors", soups.COLORS)
 def test_25_lanes_and_repeats(colors: str, judge: Judge) -> None:
     soup = soups.random(26, 100, "mixed", colors)
-    renderers = [clpeel.Renderer(soup.scene(), lanes=lanes) for lanes in (1, 64, 16)]
+    renderers = [plainly.Renderer(soup.scene(), lanes=lanes) for lanes in (1, 64, 16)]
     first = renderers[0].render(BENCH.camera(), size=(64, 40))
     for renderer in renderers:
         for _ in range(100 if colors == "flat8" else 10):
@@ -795,4 +796,4 @@ def test_26_odd_sizes_in_perspective(size: tuple[int, int], lanes: int, judge: J
 def test_26_no_such_size(size: Any) -> None:
     soup = soups.random(26, 2)
     with pytest.raises(clpeel.InputError, match="size"):
-        clpeel.render(soup.scene(), BENCH.camera(), size=size)
+        plainly.render(soup.scene(), BENCH.camera(), size=size)

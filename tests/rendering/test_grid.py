@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 
 import clpeel
@@ -35,7 +36,7 @@ def box(alpha: int) -> clpeel.Scene:
 
 
 def drawn(scene: clpeel.Scene, camera: clpeel.Camera = ABOVE, **options: Any) -> np.ndarray:
-    return clpeel.render(scene, camera, (SIDE, SIDE), **options).image[..., :3] / 255
+    return plainly.render(scene, camera, (SIDE, SIDE), **options).image[..., :3] / 255
 
 
 def line_at(x: float, z: float, of_x: bool, radius: float) -> tuple[np.ndarray, float]:
@@ -145,7 +146,7 @@ def test_rows_for_lines_look_as_vertex_colours_do(technique: str, lanes: int) ->
     assert rows.face_colors is not None and ends.vertex_colors is not None
     pictures, layers = [], []
     for each in (rows, ends):
-        renderer = clpeel.Renderer(each, lanes=lanes)
+        renderer = plainly.Renderer(each, lanes=lanes)
         pictures.append(renderer.render(camera, (90, 90), technique).image.astype(int))
         if technique == "sort":
             layers.append(renderer.render(camera, (90, 90), layers=True, execution="tiles").layers)

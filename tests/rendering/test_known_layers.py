@@ -5,10 +5,10 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
+import plainly
 import pytest
 from twins import reference, soups
 
-import clpeel
 from clpeel.device.layout import Features
 from clpeel.rendering import known_layers
 from clpeel.rendering.known_layers import CUT, FACES, HEIGHT, NEAR, SHOWN, WIDTH, Wanted, stack_of
@@ -93,6 +93,6 @@ def test_blending_is_that_of_the_other_twin(perspective: bool, cut: bool, rate: 
 
 
 def test_the_camera_sees_them() -> None:
-    result = clpeel.render(wanted().scene(), wanted().camera(), size=SIZES[0], technique="layer-count")
+    result = plainly.render(wanted().scene(), wanted().camera(), size=SIZES[0], technique="layer-count")
     count = stack_of(wanted(), SIZES[0], False).present.sum(axis=1)
     np.testing.assert_array_equal(result.map("layer_count").reshape(-1), count)

@@ -6,6 +6,7 @@ import pickle
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -44,7 +45,7 @@ def polyline(points: np.ndarray, shared: bool = True, **options: Any) -> clpeel.
 
 def counts(scene: clpeel.Scene, camera: clpeel.Camera, lanes: int, **options: Any) -> np.ndarray:
     """How many layers each sample has."""
-    found = clpeel.render(scene, camera, SIZE, lanes=lanes, layers=True, **options).layers
+    found = plainly.render(scene, camera, SIZE, lanes=lanes, layers=True, **options).layers
     assert found is not None
     return np.diff(found.start).reshape(SIZE[1], SIZE[0])
 
@@ -102,7 +103,7 @@ def test_lines_of_any_shape_leave_no_gap(width: float, seed: int) -> None:
 
 def test_segments_meet_where_their_ends_are_at_one_place(lanes: int) -> None:
     pictures = [
-        clpeel.render(polyline(spiral(40), shared), TILTED, SIZE, lanes=lanes, line_width=5).image
+        plainly.render(polyline(spiral(40), shared), TILTED, SIZE, lanes=lanes, line_width=5).image
         for shared in (True, False)
     ]
     np.testing.assert_array_equal(*pictures)
@@ -144,12 +145,12 @@ EXACT = ["sort", "depth-peeling", "dual-depth-peeling", "multi-layer-peeling"]
 def test_exact_techniques_draw_the_same_picture(lighting: Any) -> None:
     scene = mixed(5)
     options: dict[str, Any] = {"line_width": 4, "point_size": 9, "lighting": lighting}
-    wanted = clpeel.render(scene, ABOVE, SIZE, lanes=1, **options)
+    wanted = plainly.render(scene, ABOVE, SIZE, lanes=1, **options)
     assert wanted.stats.layers_max > 3 and wanted.stats.opaque_samples > 100
     for technique in EXACT:
         ways = [(1, "tiles"), (64, "tiles")] + ([(1, "passes"), (64, "passes")] if "peeling" in technique else [])
         for lanes, execution in ways:
-            got = clpeel.render(scene, ABOVE, SIZE, technique, lanes=lanes, execution=execution, **options)
+            got = plainly.render(scene, ABOVE, SIZE, technique, lanes=lanes, execution=execution, **options)
             np.testing.assert_array_equal(got.image, wanted.image)
 
 
@@ -157,7 +158,7 @@ def test_exact_techniques_draw_the_same_picture(lighting: Any) -> None:
 def test_any_scene_is_the_same_by_lanes_and_by_technique(seed: int, width: float, samples: Any) -> None:
     options: dict[str, Any] = {"line_width": width, "point_size": width / 2, "samples": samples}
     pictures = [
-        clpeel.render(mixed(seed, 4), ABOVE, (48, 40), technique, lanes=lanes, **options).image
+        plainly.render(mixed(seed, 4), ABOVE, (48, 40), technique, lanes=lanes, **options).image
         for technique, lanes in [("sort", 1), ("sort", 64), ("depth-peeling", 1)]
     ]
     np.testing.assert_array_equal(pictures[0], pictures[1])
@@ -172,7 +173,7 @@ def test_layers_lie_in_the_order_of_their_depth_and_name_what_they_are_of(lanes:
     scene = clpeel.Scene.from_arrays(
         vertices, [[0, 1, 2], [0, 2, 3]], lines=[[4, 5]], points=[6, 7], vertex_colors=np.tile(np.uint8(HALF), (8, 1))
     )
-    found = clpeel.render(scene, FLAT, SIZE, lanes=lanes, layers=True, line_width=3, point_size=5).layers
+    found = plainly.render(scene, FLAT, SIZE, lanes=lanes, layers=True, line_width=3, point_size=5).layers
     assert found is not None and set(found.triangle.tolist()) == {0, 1, 2, 3, 4}
     first = {}
     for pixel in np.flatnonzero(np.diff(found.start) == 2):
@@ -192,7 +193,7 @@ def test_lines_and_points_are_unlit_without_normals_and_lit_with_them(lanes: int
         for normals in (None, np.tile([0, 0.6, 0.8], (3, 1)))
     ]
     plain, unlit, lit = (
-        clpeel.render(scene, FLAT, SIZE, lighting=lighting, background=(0, 0, 0), **options)
+        plainly.render(scene, FLAT, SIZE, lighting=lighting, background=(0, 0, 0), **options)
         .image.reshape(-1, 4)
         .max(axis=0)
         for scene, lighting in [(scenes[0], "none"), (scenes[0], "headlight"), (scenes[1], "headlight")]
@@ -204,7 +205,7 @@ def test_lines_and_points_are_unlit_without_normals_and_lit_with_them(lanes: int
 def test_a_sphere_is_a_disc_that_darkens_towards_its_rim(lanes: int) -> None:
     scene = clpeel.Scene.from_arrays(np.zeros((1, 3)), points=[0], color=(255, 255, 255))
     ball, disc = (
-        clpeel.render(
+        plainly.render(
             scene,
             FLAT,
             (81, 81),
@@ -247,13 +248,13 @@ def test_lights_leave_what_has_no_normals_as_it_is(options: dict[str, Any], lane
     scene = clpeel.Scene.from_arrays(vertices, vertex_colors=colors, **given)
     call: dict[str, Any] = {"line_width": 6, "point_size": 9, "point_type": "disc", "lanes": lanes, "background": None}
     unlit, lit = (
-        clpeel.render(scene, ABOVE, SIZE, **call, **{**options, **more}) for more in ({"lighting": "none"}, {})
+        plainly.render(scene, ABOVE, SIZE, **call, **{**options, **more}) for more in ({"lighting": "none"}, {})
     )
     np.testing.assert_array_equal(lit.color, unlit.color)
     assert (lit.color[..., 3] > 0).mean() > 0.05
     with_face = clpeel.Scene.from_arrays(vertices, [[0, 7, 9]], vertex_colors=colors, **given)
     unlit, lit = (
-        clpeel.render(with_face, ABOVE, SIZE, **call, **{**options, **more}) for more in ({"lighting": "none"}, {})
+        plainly.render(with_face, ABOVE, SIZE, **call, **{**options, **more}) for more in ({"lighting": "none"}, {})
     )
     changed = (lit.color != unlit.color).any(axis=-1)
     assert 0.01 < changed.mean() < 0.5
@@ -275,7 +276,7 @@ def test_normals_of_lines_and_points_take_light_from_where_they_are_seen(
         lights=LAMPS[:1],
     )
     options: dict[str, Any] = {"line_width": 9, "point_size": 15, "point_type": "disc", "samples": samples}
-    found = clpeel.render(scene, FLAT, SIZE, lighting="scene", background=None, lanes=lanes, **options).color
+    found = plainly.render(scene, FLAT, SIZE, lighting="scene", background=None, lanes=lanes, **options).color
     plain, shine = twin.seen(color, normal, np.zeros(3), np.array([0, 0, 1.0]), LAMPS[:1], finish)
     whole = found[found[..., 3] == 1]
     assert len(whole) > 400
@@ -288,7 +289,7 @@ def test_points_are_balls_under_lights(at: tuple[float, float], samples: Any, la
     """Their brightness is that of a true ball, which light falls on from the upper left, up to near the rim."""
     lamp = DirectionalLight(direction=(1, -1, -1), intensity=3.0, highlights=False)
     scene = clpeel.Scene.from_arrays([(*at, 0.0)], points=[0], color=(128, 128, 128), lights=[lamp])
-    found = clpeel.render(scene, FLAT, SIZE, lighting="scene", samples=samples, lanes=lanes, point_size=40).image
+    found = plainly.render(scene, FLAT, SIZE, lighting="scene", samples=samples, lanes=lanes, point_size=40).image
     (px, py, _), *_ = screen.screen(np.array([(*at, 0.0)]), FLAT, SIZE) / 256
     x, y = np.arange(SIZE[0])[None] + 0.5 - SIZE[0] / 2 - px, np.arange(SIZE[1])[:, None] + 0.5 - SIZE[1] / 2 - py
     inner = np.hypot(x, y) < 16
@@ -320,7 +321,7 @@ def test_lines_and_points_move_no_map(lanes: int) -> None:
     material = Material(texture=texture(), finish=finish)
     uv = [rng.uniform(0, 1, (7, 2)) for _ in range(3)]
     pictures = [
-        clpeel.render(
+        plainly.render(
             clpeel.Scene.from_arrays(
                 square, [[0, 1, 2], [0, 2, 3]], materials=[material], uv=uv[0], more_uv=uv[1:], color=WHITE, **marks
             ),
@@ -351,7 +352,7 @@ def test_solids_are_measured_without_lines_and_points(technique: str, lanes: int
     marks = clpeel.Scene.from_arrays(places, lines=np.arange(20).reshape(-1, 2), points=np.arange(20, 30))
     both = clpeel.load(demo, marks)
     camera = clpeel.Camera.frame(demo)
-    plain, got = (clpeel.render(scene, camera, SIZE, technique, lanes=lanes) for scene in (demo, both))
+    plain, got = (plainly.render(scene, camera, SIZE, technique, lanes=lanes) for scene in (demo, both))
     np.testing.assert_array_equal(got.thickness, plain.thickness)
     assert f"10 line(s) and 10 point(s) left out: they have no inside, which {technique} measures" in got.stats.notes
 
@@ -360,7 +361,7 @@ def test_solids_are_measured_without_lines_and_points(technique: str, lanes: int
 def test_opacity_and_backfaces_reach_lines_and_points(lighting: Any, lanes: int) -> None:
     places = np.array([[-1, 0, 0], [1, 0, 0], [0, 0.6, 0]])
     scene = clpeel.Scene.from_arrays(places, lines=[[0, 1]], points=[2], color=(0, 0, 0))
-    renderer = clpeel.Renderer(scene, lanes=lanes)
+    renderer = plainly.Renderer(scene, lanes=lanes)
     options: dict[str, Any] = {"line_width": 9, "point_size": 15, "lighting": lighting, "point_type": "disc"}
     whole = renderer.render(FLAT, SIZE, backface_type="hidden", **options)
     assert whole.image[45, 60, 0] == 0 and whole.image[:, :, 0].min(axis=1)[:35].min() == 0
@@ -374,7 +375,7 @@ def test_clouds_too_large_for_discs_are_squares_and_a_note_says_so(monkeypatch: 
     monkeypatch.setattr(outlines, "MOST_CORNERS", 100)
     places = np.random.default_rng(2).uniform(-1, 1, (50, 3))
     scene = clpeel.Scene.from_arrays(places, points=np.arange(50), color=HALF)
-    got, wanted = (clpeel.render(scene, FLAT, SIZE, point_type=kind, point_size=6) for kind in ("disc", "square"))
+    got, wanted = (plainly.render(scene, FLAT, SIZE, point_type=kind, point_size=6) for kind in ("disc", "square"))
     np.testing.assert_array_equal(got.image, wanted.image)
     assert got.stats.notes == ["50 points are drawn as squares: they are too many for --point-type disc"]
     assert wanted.stats.notes == []
@@ -395,14 +396,14 @@ def test_clouds_too_large_for_discs_are_squares_and_a_note_says_so(monkeypatch: 
 def test_wrong_sizes_are_refused(options: dict[str, Any], says: str) -> None:
     scene = clpeel.Scene.from_arrays(np.zeros((1, 3)), points=[0])
     with pytest.raises(InputError) as error:
-        clpeel.render(scene, size=(8, 8), **options)
+        plainly.render(scene, size=(8, 8), **options)
     assert says in str(error.value)
 
 
 def test_sizes_are_of_pixels_whatever_the_samples() -> None:
     scene = clpeel.Scene.from_arrays(np.zeros((1, 3)), points=[0], color=(0, 0, 0))
     for samples in (1, 4, 8, 64):
-        image = clpeel.render(scene, FLAT, (64, 64), samples=samples, point_size=20, point_type="disc").image
+        image = plainly.render(scene, FLAT, (64, 64), samples=samples, point_size=20, point_type="disc").image
         assert abs((1 - image[..., 0] / 255).sum() / (np.pi * 100) - 1) < 0.03
 
 
@@ -427,7 +428,7 @@ def test_scenes_of_lines_and_points_are_pickled_joined_and_recoloured() -> None:
 def test_complexity_and_compare_know_lines_and_points() -> None:
     scene = mixed(9, 4)
     found = clpeel.complexity(scene, ABOVE, SIZE, line_width=5, point_size="0.2u")
-    wanted = clpeel.render(scene, ABOVE, SIZE, line_width=5, point_size="0.2u")
+    wanted = plainly.render(scene, ABOVE, SIZE, line_width=5, point_size="0.2u")
     assert found.max == wanted.stats.layers_max
     rows = clpeel.compare(scene, ABOVE, SIZE, techniques=["sort"], precisions=["float32"], frames=1, line_width=5)
     assert rows.rows[0].max_error < 1e-5

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -102,7 +103,7 @@ def render(
     soup: Soup, view: Eye, size: tuple[int, int], technique: str = "sort", alone: bool = False, **options: Any
 ) -> clpeel.Result:
     """clpeel's picture of a soup. alone: as for `scene_of`."""
-    return clpeel.render(scene_of(soup, alone), view.camera(), size, technique, **options)
+    return plainly.render(scene_of(soup, alone), view.camera(), size, technique, **options)
 
 
 # --- colours ----------------------------------------------------------------------------------------------------------
@@ -335,8 +336,8 @@ def test_passes_make_the_same_bits(technique: str, judge: Judge) -> None:
 def test_every_blend_of_the_layers(technique: str, judge: Judge) -> None:
     """Whatever a technique makes of layers, it makes of these: the twins of blending, to the bit."""
     scene, camera = scene_of(everything(18)), BENCH.camera()
-    layers = clpeel.render(scene, camera, SIZE, lanes=1, layers=True).layers
-    got = clpeel.render(scene, camera, SIZE, technique, lanes=turn(technique))
+    layers = plainly.render(scene, camera, SIZE, lanes=1, layers=True).layers
+    got = plainly.render(scene, camera, SIZE, technique, lanes=turn(technique))
     want = blended(technique, Stacks(layers, "float32"))
     if technique == "weighted-average":
         judge.color(got, want, 12 * UNIT)
@@ -554,12 +555,12 @@ def test_thickness_sees_both_sides(lanes: int) -> None:
 def test_opacity_of_a_kept_scene(lanes: int, judge: Judge) -> None:
     """Renderer.set_opacity makes the picture of a scene with that opacity; and None the first one again."""
     scene = scene_of(everything(28))
-    kept = clpeel.Renderer(scene, lanes=lanes)
+    kept = plainly.Renderer(scene, lanes=lanes)
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": SIZE}
     first = kept.render(**call)
     for opacity in (0.3, 1.0):
         kept.set_opacity(opacity)
-        judge.same_bits(kept.render(**call), clpeel.render(recolored(scene, None, opacity), lanes=lanes, **call))
+        judge.same_bits(kept.render(**call), plainly.render(recolored(scene, None, opacity), lanes=lanes, **call))
     kept.set_opacity(None)
     judge.same_bits(kept.render(**call), first)
 
@@ -568,9 +569,9 @@ def test_a_renderer_that_drew_other_scenes(lanes: int, judge: Judge) -> None:
     """Buffers are shared: neither textures nor materials of another scene may show."""
     scenes = [scene_of(everything(29)), soups.random(30, 40, "large", "vertex").scene(), scene_of(everything(31, 5))]
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": SIZE, "lanes": lanes}
-    first = [clpeel.render(scene, **call) for scene in scenes]
+    first = [plainly.render(scene, **call) for scene in scenes]
     for scene, want in zip(scenes[::-1], first[::-1], strict=True):
-        judge.same_bits(clpeel.render(scene, **call), want)
+        judge.same_bits(plainly.render(scene, **call), want)
 
 
 def test_there_is_no_other_way() -> None:

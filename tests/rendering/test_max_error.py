@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -44,10 +45,10 @@ def test_no_pixel_is_off_by_more(
         soup.face_colors[::7, 3] = 255
     scene = soup.scene()
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": size, "background": background}
-    truth = clpeel.render(scene, lanes=1, **call)
+    truth = plainly.render(scene, lanes=1, **call)
     rounding = (3 * (truth.stats["layers_max"] + 1) + 4) * UNIT  # of `truth`, which is float32 too
     for technique in BOUNDED:
-        one, other = (clpeel.render(scene, technique=technique, lanes=n, max_error=error, **call) for n in (1, 64))
+        one, other = (plainly.render(scene, technique=technique, lanes=n, max_error=error, **call) for n in (1, 64))
         assert (one.color == other.color).all() and (one.error_bound == other.error_bound).all()
         off = np.abs(one.color.astype(float) - truth.color).max(axis=2)
         assert (off <= one.error_bound + rounding).all()
@@ -66,7 +67,7 @@ def test_layers_of_a_half(technique: str, error: float, kept: int, lanes: int) -
     colors = np.tile([1.0, 0.5, 0.25, 0.5], (40, 1))
     scene = soups.stack(np.linspace(1, 7, 40), colors).scene()
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (5, 3), "lanes": lanes, "technique": technique}
-    result = clpeel.render(scene, max_error=error, **call)
+    result = plainly.render(scene, max_error=error, **call)
     if technique == "multi-layer-peeling":
         kept = min(-(-kept // 8) * 8, 40)
     hidden = 2.0**-kept if kept < 40 else 0.0
@@ -86,15 +87,15 @@ def test_layers_of_a_half(technique: str, error: float, kept: int, lanes: int) -
 def test_a_pass_is_not_made_for_what_cannot_be_seen(lanes: int) -> None:
     scene = soups.stack(np.linspace(1, 7, 60), (1.0, 1.0, 1.0, 0.5)).scene()
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (8, 8), "lanes": lanes, "technique": "depth-peeling"}
-    assert clpeel.render(scene, max_error=1 / 255, **call).stats["passes"] == 8
-    assert clpeel.render(scene, **call).stats["passes"] == 60
-    both = clpeel.render(scene, max_error=1 / 255, passes=3, **call)
+    assert plainly.render(scene, max_error=1 / 255, **call).stats["passes"] == 8
+    assert plainly.render(scene, **call).stats["passes"] == 60
+    both = plainly.render(scene, max_error=1 / 255, passes=3, **call)
     assert both.stats["passes"] == 3 and (both.error_bound >= 0.125).all()
 
 
 def test_samples_and_pictures_that_are_drawn_over(lanes: int) -> None:
     scene = soups.random(3, 100, "large", alpha=(0.3, 0.9)).scene()
-    renderer = clpeel.Renderer(scene, lanes=lanes)
+    renderer = plainly.Renderer(scene, lanes=lanes)
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (15, 10)}
     fine = renderer.render(BENCH.camera(), (120, 80), max_error=0.1).error_bound.astype(float)
     mean = renderer.render(samples=64, max_error=0.1, **call)
@@ -116,15 +117,15 @@ def test_samples_and_pictures_that_are_drawn_over(lanes: int) -> None:
 def test_what_cannot_be_is_refused(technique: str, error: Any) -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match="max_error: expected 0..1, got"):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), technique, max_error=error)
+        plainly.render(scene, AHEAD.camera(), (4, 4), technique, max_error=error)
 
 
 def test_others_do_not_have_it() -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match="max_error: the technique 'weighted-sum' has no such option"):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), "weighted-sum", max_error=0.1)
+        plainly.render(scene, AHEAD.camera(), (4, 4), "weighted-sum", max_error=0.1)
     with pytest.raises(clpeel.InputError, match="max_error: expected none with hazard_window"):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), "multi-layer-peeling", max_error=0.1, hazard_window=2)
+        plainly.render(scene, AHEAD.camera(), (4, 4), "multi-layer-peeling", max_error=0.1, hazard_window=2)
 
 
 def test_the_command(tmp_path: Path, capfd: Any) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import plainly
 import pytest
 
 import clpeel
@@ -27,7 +28,7 @@ CAMERA = clpeel.Camera((0, 0, 4), (0, 0, 0))
 
 @pytest.mark.parametrize("technique", TECHNIQUES)
 def test_stats_tell_what_was_done(scene, technique):
-    stats = clpeel.render(scene, CAMERA, (64, 48), technique=technique).stats
+    stats = plainly.render(scene, CAMERA, (64, 48), technique=technique).stats
     assert stats["technique"] == technique and stats["size"] == [64, 48]
     assert stats["triangles"] == 100 and stats["discarded"] == 0 and stats["clipped"] == 0
     assert stats["fragments"] >= stats["samples_passed"][0] > 1000
@@ -54,7 +55,7 @@ def test_fragments_are_the_layers_of_all_pixels(scene):
     # An alpha of 1/8 everywhere: a pixel of n layers has the transmittance (7/8)**n, so the picture counts them, up to
     # 100 layers: (7/8)**100 is 26 times 2**-24, alpha's last bit.
     eighth = clpeel.Scene.from_arrays(scene.vertices, scene.faces, color=(1.0, 1.0, 1.0, 0.125))
-    result = clpeel.render(eighth, CAMERA, (64, 48))
+    result = plainly.render(eighth, CAMERA, (64, 48))
     layers = np.round(np.log1p(-result.color[..., 3].astype(np.float64)) / np.log(7 / 8))
     assert layers.max() > 20
     assert result.stats["fragments"] == layers.sum() and result.stats["layers_max"] == layers.max()
@@ -64,8 +65,8 @@ def test_fragments_are_the_layers_of_all_pixels(scene):
 def test_memory_changes_the_batches_and_not_the_picture(scene, lanes):
     vertices, faces = np.tile(scene.vertices, (60, 1)), np.arange(18_000).reshape(-1, 3)
     dense = clpeel.Scene.from_arrays(vertices, faces, color=(9, 9, 9, 9))
-    large = clpeel.render(dense, CAMERA, (150, 130), lanes=lanes)
-    small = clpeel.render(dense, CAMERA, (150, 130), lanes=lanes, memory="1M")
+    large = plainly.render(dense, CAMERA, (150, 130), lanes=lanes)
+    small = plainly.render(dense, CAMERA, (150, 130), lanes=lanes, memory="1M")
     assert large.stats["batches"] == 1 and small.stats["batches"] > 1
     assert (large.color == small.color).all() and (large.image == small.image).all()
     assert large.stats["fragments"] == small.stats["fragments"] > 2**20
@@ -73,7 +74,7 @@ def test_memory_changes_the_batches_and_not_the_picture(scene, lanes):
 
 
 def test_a_renderer_keeps_scene_programs_and_buffers(scene):
-    renderer = clpeel.Renderer(scene)
+    renderer = plainly.Renderer(scene)
     first = renderer.render(CAMERA, (64, 64))
     held = dict(renderer.gpu.buffers)
     programs = dict(renderer.gpu.programs)
@@ -90,7 +91,7 @@ def test_a_renderer_keeps_scene_programs_and_buffers(scene):
 
 
 def test_lit_and_flat_from_one_renderer(scene):
-    renderer = clpeel.Renderer(scene)
+    renderer = plainly.Renderer(scene)
     flat = renderer.render(CAMERA, (64, 64))
     lit = renderer.render(CAMERA, (64, 64), lighting="headlight")
     assert (flat.color[..., 3] == lit.color[..., 3]).all()
@@ -104,7 +105,7 @@ def test_headlight_on_a_flat_face_is_the_cosine():
     vertices = [[-c, -1, s], [c, -1, -s], [c, 1, -s], [-c, 1, s]]
     for faces in ([[0, 1, 2], [0, 2, 3]], [[2, 1, 0], [3, 2, 0]]):  # two-sided
         quad = clpeel.Scene.from_arrays(vertices, faces, color=(1.0, 0.5, 0.25, 1.0))
-        middle = clpeel.render(quad, clpeel.Camera((0, 0, 50), (0, 0, 0), view_angle=1), (8, 8), lighting="headlight")
+        middle = plainly.render(quad, clpeel.Camera((0, 0, 50), (0, 0, 0), view_angle=1), (8, 8), lighting="headlight")
         assert np.allclose(middle.color[4, 4], [0.6, 0.3, 0.15, 1], atol=1e-6)
 
 
@@ -114,7 +115,7 @@ def test_a_sphere_is_smooth_under_the_headlight():
     ball = trimesh.creation.icosphere(subdivisions=3)
     scene = clpeel.Scene.from_arrays(ball.vertices, ball.faces, color=(1.0, 1.0, 1.0, 1.0))
     camera = clpeel.Camera((0, 0, 40), (0, 0, 0), view_angle=4, orthographic=True)
-    color = clpeel.render(scene, camera, (128, 128), lighting="headlight").color
+    color = plainly.render(scene, camera, (128, 128), lighting="headlight").color
     half = np.tan(np.radians(2)) * 40
     x = ((np.arange(128) + 0.5) / 64 - 1) * half
     r2 = x[None, :] ** 2 + x[:, None] ** 2
@@ -148,13 +149,13 @@ def test_a_sphere_is_smooth_under_the_headlight():
 )
 def test_options_that_cannot_be_are_refused(scene, options, message):
     with pytest.raises(clpeel.InputError, match=message) as error:
-        clpeel.render(scene, **{"camera": CAMERA, **options})
+        plainly.render(scene, **{"camera": CAMERA, **options})
     assert "\n" not in str(error.value)
 
 
 def test_a_scene_is_asked_for():
     with pytest.raises(clpeel.InputError, match="expected a clpeel.Scene, got str"):
-        clpeel.render("dragon.ply")
+        plainly.render("dragon.ply")
 
 
 @pytest.mark.parametrize(
@@ -167,7 +168,7 @@ def test_memory_in_words(text, nbytes):
 
 def test_progress_goes_from_nothing_to_all(scene):
     seen: list[float] = []
-    clpeel.render(scene, CAMERA, (200, 200), memory="1M", progress=lambda done, text: seen.append(done))
+    plainly.render(scene, CAMERA, (200, 200), memory="1M", progress=lambda done, text: seen.append(done))
     assert seen == sorted(seen) and seen[0] == 0 and seen[-1] == 1 and len(seen) > 3
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import plainly
 import pytest
 
 import clpeel
@@ -56,7 +57,7 @@ def tested(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def picture(wanted: Wanted, technique: str = "sort", lanes: int | None = None, **options: Any) -> clpeel.Result:
     """A picture of known layers themselves."""
-    return clpeel.Renderer(wanted.scene(), None, lanes).render(wanted.camera(), SIZE, technique, **options)
+    return plainly.Renderer(wanted.scene(), None, lanes).render(wanted.camera(), SIZE, technique, **options)
 
 
 def layers(
@@ -66,6 +67,7 @@ def layers(
 
 
 GRADIENT = ("white", "steelblue")
+LINEAR = {"blending_space": "linear"}
 
 # Each technique with each of its options that kernels are compiled for or launched by, and each feature, once at least.
 PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
@@ -109,6 +111,18 @@ PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
     (layers(), "thickness", {"execution": "passes", "variant": "total"}),
     (layers("face", "mixed", packed=False), "weighted-average", {"execution": "passes", "precision": "half"}),
     (layers(), "auto", {}),
+    (layers("face", "mixed"), "sort", {**LINEAR, "background": None, "layers": True}),
+    (layers("vertex", packed=False), "sort", {**LINEAR, "max_error": 0.1, "samples": 4}),
+    (layers("face", "opaque"), "sort", {**LINEAR, "samples": 4}),
+    (layers("face"), "sort", {**LINEAR, "lighting": "kit", "layers": True}),
+    (layers("face"), "sort", {**LINEAR, "lighting": "kit", "highlights": "full", "layers": True}),
+    (layers("vertex", "mixed"), "dual-depth-peeling", {**LINEAR, "max_error": 0.1, "lighting": "headlight"}),
+    (layers("scene"), "glowscript", {**LINEAR, "execution": "passes", "background": GRADIENT}),
+    (layers("vertex"), "translucency", {**LINEAR, "lighting": "headlight"}),
+    (layers(), "weighted-average", {**LINEAR, "execution": "passes", "background": None}),
+    (layers("face", "mixed"), "weighted-sum", {**LINEAR, "precision": "unorm8"}),
+    (layers(), "thickness", {**LINEAR}),
+    (layers(), "auto", {**LINEAR}),
 ]
 
 
@@ -171,6 +185,9 @@ WRONG: list[tuple[str, str, str, Wanted, dict[str, Any]]] = [
     ("length += within ? passed", "length -= within ? passed", "thickness", layers(), {}),
     ("resolved->alpha = 1.0f - resolved->alpha;", "resolved->alpha = resolved->alpha;", "weighted-sum", layers(), {}),
     ("if (tile >= to_tile) break;", "if (tile + 1 >= to_tile) break;", "sort", layers(), {}),
+    ("scale * sum - 0.055f", "scale * sum - 0.05f", "sort", layers(), LINEAR),
+    ("* 0x1.e54edcp-1f, root", "* 0x1.d54edcp-1f, root", "sort", layers("vertex"), LINEAR),
+    ("if (!background) shown = straight;\n#if LINEAR", "#if LINEAR", "sort", layers(), {**LINEAR, "background": None}),
     ("background[MIN(top + place", "background[MIN(place", "sort", layers(), {"background": GRADIENT}),
 ]
 """An operator or so that is another one, and a picture whose kernels it is in."""
@@ -256,7 +273,7 @@ def test_wrong_counts_are_refused(surfaces: str, kernels_with: Callable[[str, st
 
 def test_torn_writes_are_not_tested(tested: list[str]) -> None:
     scene = clpeel.Scene.from_arrays([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [[0, 1, 2]], color=(0.2, 0.5, 0.9, 0.4))
-    clpeel.render(scene, size=SIZE, technique="multi-layer-peeling", torn_writes=True)
+    plainly.render(scene, size=SIZE, technique="multi-layer-peeling", torn_writes=True)
     assert tested == []
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,7 +29,7 @@ CAMERA = clpeel.Camera((0, 0, 4), (0, 0, 0))
 @pytest.mark.parametrize("lanes", [1, 64])
 def test_over_a_background(lanes):
     scene = clpeel.Scene.from_arrays(quad(), FACES, color=(1.0, 0.5, 0.0, 0.25))
-    result = clpeel.render(scene, CAMERA, (20, 10), background=(0.0, 0.2, 1.0), lanes=lanes)
+    result = plainly.render(scene, CAMERA, (20, 10), background=(0.0, 0.2, 1.0), lanes=lanes)
     expected = 0.25 * np.array([1, 0.5, 0]) + 0.75 * np.array([0, 0.2, 1])
     assert result.image.shape == (10, 20, 4) and result.image.dtype == np.uint8
     assert (result.image == [*np.floor(expected * 255 + 0.5).astype(int), 255]).all()
@@ -42,9 +43,9 @@ def test_straight_alpha_composites_to_the_same_picture():
     scene = clpeel.Scene.from_arrays(
         vertices, np.arange(60).reshape(-1, 3), face_colors=rng.integers(0, 256, (20, 4), dtype=np.uint8)
     )
-    straight = clpeel.render(scene, CAMERA, (64, 64), background=None).image / 255
+    straight = plainly.render(scene, CAMERA, (64, 64), background=None).image / 255
     for background in ((0.0, 0.0, 0.0), (1.0, 0.3, 0.6)):
-        over = clpeel.render(scene, CAMERA, (64, 64), background=background).image[..., :3] / 255
+        over = plainly.render(scene, CAMERA, (64, 64), background=background).image[..., :3] / 255
         alpha = straight[..., 3:]
         # Half a step of the colour, of the alpha times the colours' difference, and of the picture.
         assert np.abs(alpha * straight[..., :3] + (1 - alpha) * background - over).max() <= 1.5 / 255
@@ -59,8 +60,8 @@ def test_samples_are_the_mean_of_a_larger_picture(samples, lanes):
         rng.uniform(-1, 1, (30, 3)), np.arange(30).reshape(-1, 3), face_colors=rng.random((10, 4))
     )
     side = int(samples**0.5)
-    small = clpeel.render(scene, CAMERA, (37, 21), samples=samples, lanes=lanes)
-    large = clpeel.render(scene, CAMERA, (37 * side, 21 * side), lanes=lanes)
+    small = plainly.render(scene, CAMERA, (37, 21), samples=samples, lanes=lanes)
+    large = plainly.render(scene, CAMERA, (37 * side, 21 * side), lanes=lanes)
     mean = large.color.astype(np.float64).reshape(21, side, 37, side, 4).mean(axis=(1, 3))
     assert np.abs(small.color - mean).max() <= samples * 2.0**-24
     assert small.stats["fragments"] == large.stats["fragments"]
@@ -69,12 +70,12 @@ def test_samples_are_the_mean_of_a_larger_picture(samples, lanes):
 def test_nothing_drawn_is_the_background_bit_for_bit():
     scene = clpeel.Scene.from_arrays(quad(), FACES, color=(255, 0, 0, 255))
     away = clpeel.Camera((0, 0, 4), (0, 0, 8))
-    over = clpeel.render(scene, away, (33, 17), background=(0.2, 0.5, 0.9))
+    over = plainly.render(scene, away, (33, 17), background=(0.2, 0.5, 0.9))
     assert (over.image == [51, 128, 230, 255]).all() and not over.color.any()
-    assert not clpeel.render(scene, away, (33, 17), background=None).image.any()
+    assert not plainly.render(scene, away, (33, 17), background=None).image.any()
     # The same bytes where a transparent quad (alpha 0) makes the compositor round them.
     clear = clpeel.Scene.from_arrays(quad(), FACES, color=(255, 0, 0, 0))
-    assert (clpeel.render(clear, CAMERA, (33, 17), background=(0.2, 0.5, 0.9)).image == over.image).all()
+    assert (plainly.render(clear, CAMERA, (33, 17), background=(0.2, 0.5, 0.9)).image == over.image).all()
 
 
 GRADIENT = ((1.0, 0.9, 0.2), (0.1, 0.3, 0.6))
@@ -89,7 +90,7 @@ def test_a_gradient_is_of_the_pictures_rows_and_not_of_samples(samples: int, lan
     """The top edge has the first colour, and the first row's centre is half a row below; 37 rows are no whole tiles."""
     scene = clpeel.Scene.from_arrays(quad(), FACES, color=(255, 0, 0, 255))
     away = clpeel.Camera((0, 0, 4), (0, 0, 8))
-    result = clpeel.render(scene, away, (21, 37), background=GRADIENT, samples=samples, lanes=lanes)
+    result = plainly.render(scene, away, (21, 37), background=GRADIENT, samples=samples, lanes=lanes)
     judge.image(result, GRADIENT)
     top, bottom = np.array(GRADIENT)
     for row, way in ((0, 0.5 / 37), (18, 0.5), (36, 36.5 / 37)):
@@ -107,7 +108,7 @@ def test_every_technique_is_put_over_a_gradient(technique: str, execution: str, 
     call: dict[str, Any] = {"technique": technique, "execution": execution, "background": GRADIENT, **options}
     for samples in (1, 4, 8):
         one, many = (
-            clpeel.render(scene, soups.BENCH.camera(), (50, 41), lanes=lanes, samples=samples, **call)
+            plainly.render(scene, soups.BENCH.camera(), (50, 41), lanes=lanes, samples=samples, **call)
             for lanes in (1, 64)
         )
         judge.same_bits(many, one)
@@ -127,7 +128,7 @@ def test_a_gradient_goes_on_over_batches_and_opaque_surfaces(lanes: int, judge: 
             "background": GRADIENT,
             "lanes": lanes,
         }
-        whole, parts = (clpeel.render(scene, memory=memory, **call) for memory in (None, "1M"))
+        whole, parts = (plainly.render(scene, memory=memory, **call) for memory in (None, "1M"))
         judge.same_bits(parts, whole)
         judge.image(whole, GRADIENT)
         assert parts.stats.batches > 1
@@ -147,16 +148,16 @@ def test_any_gradient(top: Any, bottom: Any, size: tuple[int, int], samples: int
     """It has the same bits at 1 and 64 lanes. If both colours are the same, these are the bits of that colour."""
     scene = soups.random(23, 20, "mixed", "flat8").scene()
     call: dict[str, Any] = {"camera": soups.BENCH.camera(), "size": size, "samples": samples}
-    one, many = (clpeel.render(scene, background=(top, bottom), lanes=lanes, **call) for lanes in (1, 64))
+    one, many = (plainly.render(scene, background=(top, bottom), lanes=lanes, **call) for lanes in (1, 64))
     judge.same_bits(many, one)
     judge.image(one, (top, bottom))
-    plain, alike = (clpeel.render(scene, background=behind, **call) for behind in (top, (top, top)))
+    plain, alike = (plainly.render(scene, background=behind, **call) for behind in (top, (top, top)))
     judge.same_bits(alike, plain)
 
 
 def test_the_twin_sees_a_gradient_that_is_upside_down(judge: Judge) -> None:
     scene = soups.random(21, 60, "mixed", "flat8").scene()
-    result = clpeel.render(scene, soups.BENCH.camera(), (50, 41), background=GRADIENT)
+    result = plainly.render(scene, soups.BENCH.camera(), (50, 41), background=GRADIENT)
     with pytest.raises(pytest.fail.Exception, match="not its color over the background"):
         judge.image(result, GRADIENT[::-1])
     assert (reference.image(result.color, GRADIENT) == result.image).mean() > 0.99
@@ -164,7 +165,7 @@ def test_the_twin_sees_a_gradient_that_is_upside_down(judge: Judge) -> None:
 
 def test_color_not_kept_is_an_error_that_says_so():
     scene = clpeel.Scene.from_arrays(quad(), FACES, color=(255, 0, 0, 255))
-    result = clpeel.render(scene, CAMERA, (4, 4), keep_color=False)
+    result = plainly.render(scene, CAMERA, (4, 4), keep_color=False)
     assert result.image.shape == (4, 4, 4)
     with pytest.raises(clpeel.InputError, match="keep_color"):
         _ = result.color

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -161,7 +162,7 @@ def test_what_is_in_front_and_what_is_coincident(depth_format: str, view: Eye) -
         want = order(depth_format, distances, view, options.get("coincident", "keep"))
         assert distances[want[0]] == 0.5 and distances[want[-1]] == 8
         call: dict[str, Any] = {"lanes": lanes, "depth_format": depth_format, "layers": lanes == 1, **options}
-        got = clpeel.render(scene, view.camera(), (3, 2), technique, **call)
+        got = plainly.render(scene, view.camera(), (3, 2), technique, **call)
         assert (got.color == blended(technique, pixel(want, rgba))).all(), (technique, lanes, options)
         if call["layers"]:
             peeled = want[:4] if technique == "glowscript" else want
@@ -190,18 +191,18 @@ def test_any_scene_in_any_format(seed: int, count: int, judge: Judge) -> None:
         peeling = next(
             name for name, lanes, options in runs(depth_format) if lanes == 1 and not options and name != "glowscript"
         )
-        layers = clpeel.render(scene, technique=peeling, lanes=1, layers=True, **call).layers
+        layers = plainly.render(scene, technique=peeling, lanes=1, layers=True, **call).layers
         stacks = Stacks(layers, "float32")
         for technique, lanes, options in runs(depth_format):
             if (
                 options
             ):  # by depth alone opaque surfaces are in front of what is coincident, whatever was submitted first
                 continue
-            got = clpeel.render(scene, technique=technique, lanes=lanes, **call)
+            got = plainly.render(scene, technique=technique, lanes=lanes, **call)
             want = SimpleNamespace(color=blended(technique, stacks), image=got.image)
             judge.same_bits(got, want, f"{technique}, {depth_format}, {lanes} lanes")
             if depth_format == DEPTH_FORMATS[0]:
-                plain = clpeel.render(scene, camera, size, technique, lanes=lanes)
+                plain = plainly.render(scene, camera, size, technique, lanes=lanes)
                 judge.same_bits(got, plain, f"{technique} as by default")
 
 
@@ -221,7 +222,7 @@ def test_opaque_surfaces_are_tested_in_the_format(depth_format: str) -> None:
             assert apart == (front == coarse or (front == finer and depth_format == "float32-reversed"))
             for technique, lanes, options in runs(depth_format):
                 call: dict[str, Any] = {"lanes": lanes, "depth_format": depth_format, **options}
-                got = clpeel.render(scene, AHEAD.camera(), (3, 2), technique, **call)
+                got = plainly.render(scene, AHEAD.camera(), (3, 2), technique, **call)
                 seen = apart or (not options and glass_first)
                 assert (got.color == ([0.5, 0, 0.5, 1] if seen else [0, 0, 1, 1])).all(), (technique, options, front)
 
@@ -265,7 +266,7 @@ def test_what_is_told_apart_where_far_is_ten_million_times_near(depth_format: st
         want = [0.25, 0.5, 0, 0.75] if told else [0.5, 0.25, 0, 0.75]  # else the first submitted, the farther
         for technique, lanes, options in runs(depth_format):
             call: dict[str, Any] = {"lanes": lanes, "depth_format": depth_format, **options}
-            got = clpeel.render(scene, FAR_AWAY.camera(), (3, 2), technique, **call)
+            got = plainly.render(scene, FAR_AWAY.camera(), (3, 2), technique, **call)
             alone = [0.5, 0, 0, 0.5] if options and not told else want
             assert (got.color == alone).all(), (technique, apart, told)
 
@@ -275,7 +276,7 @@ def test_what_only_the_reversed_tells_apart(depth_format: str) -> None:
     """Two metres at ten kilometres, near at one: a step of the window depth is six metres there."""
     scene = stack(np.array([10_001.0, 9_999.0]), [(1, 0, 0, 0.5), (0, 1, 0, 0.5)], FAR_AWAY).scene()
     technique, lanes, _ = runs(depth_format)[0]
-    got = clpeel.render(scene, FAR_AWAY.camera(), (3, 2), technique, lanes=lanes, depth_format=depth_format)
+    got = plainly.render(scene, FAR_AWAY.camera(), (3, 2), technique, lanes=lanes, depth_format=depth_format)
     assert (got.color[..., :2] == ([0.25, 0.5] if depth_format == "float32-reversed" else [0.5, 0.25])).all()
 
 
@@ -296,7 +297,7 @@ def test_thickness_in_the_format(depth_format: str, variant: str, view: Eye, pro
         soup = stack(distances, (1, 1, 1, 0.5), view)
         soup.faces[1] = soup.faces[1, ::-1]  # as of a solid between them
         call = {"lanes": lanes, "depth_format": depth_format, "variant": variant, "projected": projected}
-        got = clpeel.render(soup.scene(), view.camera(), (3, 2), "thickness", **call)
+        got = plainly.render(soup.scene(), view.camera(), (3, 2), "thickness", **call)
         want = float(np.diff(distances)[0])
         bound = float(error_at(depth_format, distances, view, more=3 * 2.0**-25).sum())
         if projected:
@@ -317,5 +318,5 @@ def test_a_format_there_is_not(technique: str) -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     for name in ("float64", "RGBA8", "", None, 24):
         with pytest.raises(clpeel.InputError) as caught:
-            clpeel.render(scene, AHEAD.camera(), (2, 2), technique, depth_format=name)
+            plainly.render(scene, AHEAD.camera(), (2, 2), technique, depth_format=name)
         assert str(caught.value) == f"depth_format: expected one of {', '.join(DEPTH_FORMATS)}; got {name!r}"

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,7 +29,7 @@ RED = (255, 0, 0, 128)
 
 
 def layers(scene: clpeel.Scene, camera: clpeel.Camera, lanes: int, size=SIZE, **options: Any) -> clpeel.Layers:
-    found = clpeel.render(scene, camera, size, lanes=lanes, layers=True, **options).layers
+    found = plainly.render(scene, camera, size, lanes=lanes, layers=True, **options).layers
     assert found is not None
     return found
 
@@ -139,7 +140,7 @@ def test_what_is_not_finite_is_discarded_once_each(lanes: int) -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [np.nan, 0, 0], [0, np.inf, 0], [0.5, 0.5, 0]])
     lines = [[0, 1], [1, 2], [3, 4], [0, 4]]
     scene = clpeel.Scene.from_arrays(vertices, lines=lines, points=[0, 2, 3], faces=[[0, 1, 4], [0, 1, 2]], color=RED)
-    result = clpeel.render(scene, size=(64, 64), lanes=lanes, layers=True, line_width=3)
+    result = plainly.render(scene, size=(64, 64), lanes=lanes, layers=True, line_width=3)
     assert result.stats.discarded == 5 and result.layers is not None
     assert set(result.layers.triangle.tolist()) == {0, 2, 5, 6}
     assert (result.stats.triangles, result.stats.lines, result.stats.points) == (2, 4, 3)
@@ -211,7 +212,7 @@ SAMPLES = sorted(set(PLACES) - {1})
 
 def shares(scene: clpeel.Scene, camera: clpeel.Camera, lanes: int, samples: Any, **options: Any) -> np.ndarray:
     """How much of each pixel's samples is covered, if the scene is opaque, 0..1."""
-    result = clpeel.render(scene, camera, SIZE, background=None, lanes=lanes, samples=samples, **options)
+    result = plainly.render(scene, camera, SIZE, background=None, lanes=lanes, samples=samples, **options)
     return result.color[..., 3]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from conftest import INTERPOLATION_ROUNDING, INTERPOLATION_SHIFT, TIE, printed
 from hypothesis import given
@@ -80,7 +81,7 @@ def again(result: clpeel.Result, background: Any, judge: Judge) -> None:
 )
 def test_layers_are_the_twins(colors: str, view: Eye, size: tuple[int, int], lanes: int, judge: Judge) -> None:
     soup = soups.random(71, 150, "mixed", colors)
-    result = clpeel.render(soup.scene(), view.camera(), size, lanes=lanes, layers=True)
+    result = plainly.render(soup.scene(), view.camera(), size, lanes=lanes, layers=True)
     layers = result.layers
     twin, excused, _ = judge.weigh(soup, view, size)
     assert layers.size == size and len(layers.triangle) == result.stats["fragments"]
@@ -110,8 +111,8 @@ def test_layers_are_the_twins(colors: str, view: Eye, size: tuple[int, int], lan
 def test_lit_layers_are_lit(colors: str, lanes: int, judge: Judge) -> None:
     soup, size = soups.random(72, 150, "mixed", colors), (40, 50)
     call = {"camera": BENCH.camera(), "size": size, "lanes": lanes, "layers": True, "background": None}
-    plain = clpeel.render(soup.scene(), **call)
-    lit = clpeel.render(soup.scene(), lighting="headlight", **call)
+    plain = plainly.render(soup.scene(), **call)
+    lit = plainly.render(soup.scene(), lighting="headlight", **call)
     again(plain, None, judge)
     again(lit, None, judge)
     for name in ("start", "depth", "triangle"):
@@ -143,7 +144,7 @@ def test_any_layers_blended_again_are_the_picture(
     rgba[:, 3] = rng.choice([0, 1, 128, 254, 255], len(faces))
     scene = clpeel.Scene.from_arrays(vertices, faces, face_colors=rgba)
     call = {"camera": BENCH.camera(), "size": size, "background": background, "layers": True}
-    one, many = (clpeel.render(scene, lanes=lanes, **call) for lanes in (1, 64))
+    one, many = (plainly.render(scene, lanes=lanes, **call) for lanes in (1, 64))
     again(one, background, judge)
     same(many.layers, one.layers)
     dense = list(one.layers)
@@ -165,7 +166,7 @@ def test_to_the_last_of_a_million_roundings(judge: Judge) -> None:
     plain = soups.stack([1.0, 2.0, 3.0], (255, 255, 255, 255))
     scene = soups.Soup(plain.vertices, plain.faces, vertex_colors=rgba).scene()
     for background in ((0.9, 0.5, 0.7), ((0.9, 0.5, 0.7), (0.2, 0.3, 0.8)), None):
-        result = clpeel.render(scene, AHEAD.camera(), (800, 600), background=background, layers=True)
+        result = plainly.render(scene, AHEAD.camera(), (800, 600), background=background, layers=True)
         again(result, background, judge)
 
 
@@ -183,7 +184,7 @@ def test_pixels_of_a_tile_have_lists_of_their_own(count: int, lanes: int) -> Non
     corners[..., 2] = depth[:, None]
     scene = soups.separate(corners, rng.random((count, 4)).astype(np.float32) * np.float32(0.9)).scene()
     view = soups.pixel_view(height)
-    whole = clpeel.render(scene, view.camera(), (width, height), lanes=lanes, layers=True).layers
+    whole = plainly.render(scene, view.camera(), (width, height), lanes=lanes, layers=True).layers
     for column in range(width):
         here = np.flatnonzero(left <= column + 0.5 - width / 2)
         want = here[np.argsort(-depth[here], kind="stable")]
@@ -202,7 +203,7 @@ def test_windows_fit_the_memory_and_change_nothing(
     soup = soups.stack(np.random.default_rng(7).integers(64, 448, count) / 64, np.round(painted * 255).astype(np.uint8))
     if colors == "vertex":
         soup = soups.Soup(soup.vertices, soup.faces, vertex_colors=np.repeat(painted, 3, axis=0))
-    plenty = clpeel.render(soup.scene(), AHEAD.camera(), size, lanes=lanes, layers=True, memory="256M")
+    plenty = plainly.render(soup.scene(), AHEAD.camera(), size, lanes=lanes, layers=True, memory="256M")
     most, at_first = 0, None
     allocate = Workspace.buffer
 
@@ -216,7 +217,7 @@ def test_windows_fit_the_memory_and_change_nothing(
         return held
 
     monkeypatch.setattr(Workspace, "buffer", watch)
-    tight = clpeel.render(soup.scene(), AHEAD.camera(), size, lanes=lanes, layers=True, memory="1M")
+    tight = plainly.render(soup.scene(), AHEAD.camera(), size, lanes=lanes, layers=True, memory="1M")
     assert tight.stats["fragments"] == count * size[0] * size[1] > 2**20 / 8, "fits a window"
     assert at_first == ["pairs"], "the picture's buffers have been given back"
     assert 2**19 < most <= 2**20
@@ -225,7 +226,7 @@ def test_windows_fit_the_memory_and_change_nothing(
     again(tight, (1, 1, 1), judge)
     with pytest.raises(clpeel.InputError, match=r"expected room for the .* fragments of one pixel"):
         deep = soups.stack(np.full(90_000, 2.0), (255, 255, 255, 9)).scene()
-        clpeel.render(
+        plainly.render(
             deep, AHEAD.camera(), (1, 1), lanes=lanes, technique="depth-peeling", layers=True, memory="1M", passes=1
         )
 
@@ -234,7 +235,7 @@ def test_nothing_in_view(lanes: int, judge: Judge) -> None:
     away = clpeel.Camera((0, 0, 4), (0, 0, 8))
     scene = soups.stack([1.0], (255, 255, 255, 128)).scene()
     for size in ((1, 1), (20, 17)):
-        result = clpeel.render(scene, away, size, lanes=lanes, layers=True)
+        result = plainly.render(scene, away, size, lanes=lanes, layers=True)
         assert result.layers.count == len(result.layers.depth) == 0
         again(result, (1, 1, 1), judge)
         with pytest.raises(clpeel.InputError, match="layer: expected none, as no pixel has a layer; got 0"):
@@ -268,7 +269,7 @@ def test_what_is_peeled(technique: str, options: dict[str, Any], lanes: int) -> 
             kept += [want[i] for i in solid]
             given = {} if technique == "sort" else {"coincident": coincident, **options}
             given |= {} if passes is None else {"passes": passes}
-            got = clpeel.render(scene, AHEAD.camera(), (3, 2), technique, lanes=lanes, layers=True, **given).layers
+            got = plainly.render(scene, AHEAD.camera(), (3, 2), technique, lanes=lanes, layers=True, **given).layers
             assert (got.triangle.reshape(6, -1) == kept).all(), (layers, passes, coincident)
             assert (got.color == np.tile(rgba[kept] / np.float32(255), (6, 1))).all()
 
@@ -281,7 +282,7 @@ def test_what_is_peeled_is_what_is_drawn(technique: str, options: dict[str, Any]
         rgba[100 if opaque else 120 :, 3] = 255
         scene = clpeel.Scene.from_arrays(soup.vertices, soup.faces, face_colors=rgba)
         for passes in ({"passes": 1}, {"passes": 2}, {}):
-            got = clpeel.render(scene, BENCH.camera(), (60, 40), technique, layers=True, **passes, **options)
+            got = plainly.render(scene, BENCH.camera(), (60, 40), technique, layers=True, **passes, **options)
             assert got.stats["layers_max"] <= got.layers.count <= got.stats["layers_max"] + opaque
             if technique in ("dual-depth-peeling", "glowscript"):  # not blended front to back: 3 roundings a layer
                 judge.color(got, got.layers.blended(), 2 * 3 * got.layers.count * UNIT)
@@ -302,7 +303,7 @@ def test_opaque_surfaces_end_the_layers(colors: str, lanes: int, judge: Judge) -
         soup.vertices, soup.faces, **{"face_colors" if colors == "flat8" else "vertex_colors": rgba}
     )
     call = {"camera": BENCH.camera(), "size": (50, 40), "lanes": lanes, "layers": True}
-    first, blend = clpeel.render(scene, **call), clpeel.render(scene, opaque="blend", **call)
+    first, blend = plainly.render(scene, **call), plainly.render(scene, opaque="blend", **call)
     again(first, (1, 1, 1), judge)
     again(blend, (1, 1, 1), judge)
     assert len(blend.layers.triangle) == blend.stats["fragments"]
@@ -325,10 +326,10 @@ def test_those_that_do_not_sort_have_no_layers() -> None:
         assert ("layers" in technique.option_names) == technique.sorts
         if not technique.sorts:
             with pytest.raises(clpeel.InputError, match=f"layers: the technique '{name}' has no such option; it has"):
-                clpeel.render(scene, AHEAD.camera(), (4, 4), name, layers=True)
-            assert clpeel.render(scene, AHEAD.camera(), (4, 4), name, layers=False).image.shape == (4, 4, 4)
+                plainly.render(scene, AHEAD.camera(), (4, 4), name, layers=True)
+            assert plainly.render(scene, AHEAD.camera(), (4, 4), name, layers=False).image.shape == (4, 4, 4)
         else:
-            assert clpeel.render(scene, AHEAD.camera(), (4, 4), name, layers=True).layers.count == 1
+            assert plainly.render(scene, AHEAD.camera(), (4, 4), name, layers=True).layers.count == 1
 
 
 @pytest.mark.parametrize(
@@ -346,11 +347,11 @@ def test_those_that_do_not_sort_have_no_layers() -> None:
 def test_what_cannot_be_is_refused(options: dict[str, Any], message: str) -> None:
     scene = soups.stack([1.0], (255, 255, 255, 128)).scene()
     with pytest.raises(clpeel.InputError, match=message):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), **{"layers": True, **options})
+        plainly.render(scene, AHEAD.camera(), (4, 4), **{"layers": True, **options})
 
 
 def test_layers_must_be_asked_for() -> None:
-    result = clpeel.render(soups.stack([1.0], (255, 255, 255, 128)).scene(), AHEAD.camera(), (4, 4))
+    result = plainly.render(soups.stack([1.0], (255, 255, 255, 128)).scene(), AHEAD.camera(), (4, 4))
     with pytest.raises(clpeel.InputError, match="layers: expected a result rendered with layers=True"):
         _ = result.layers
 
@@ -358,7 +359,7 @@ def test_layers_must_be_asked_for() -> None:
 def test_the_stage_and_the_next_picture() -> None:
     """Its time is booked on it, progress ends with all done, and a picture after it is the one before it."""
     soup = soups.random(3, 100)
-    renderer = clpeel.Renderer(soup.scene())
+    renderer = plainly.Renderer(soup.scene())
     first = renderer.render(BENCH.camera(), (40, 30))
     seen: list[float] = []
     middle = renderer.render(BENCH.camera(), (40, 30), layers=True, progress=lambda done, text: seen.append(done))
@@ -375,7 +376,7 @@ def test_the_stage_and_the_next_picture() -> None:
 
 def test_a_layer_as_a_picture() -> None:
     rgba = np.array([[255, 0, 51, 102], [0, 255, 0, 255]], np.uint8)
-    layers = clpeel.render(soups.stack([1.0, 2.0], rgba).scene(), AHEAD.camera(), (2, 1), layers=True).layers
+    layers = plainly.render(soups.stack([1.0, 2.0], rgba).scene(), AHEAD.camera(), (2, 1), layers=True).layers
     assert (layers.picture(0) == [255, 0, 51, 255]).all() and (layers.picture(1) == [0, 255, 0, 255]).all()
     assert (layers.picture(0, None) == [255, 0, 51, 255]).all()
     assert (layers.picture(0, None, keep_alpha=True) == rgba[0]).all()
@@ -405,7 +406,7 @@ def test_what_no_layer_covers_is_the_background() -> None:
 @pytest.fixture(scope="module")
 def layers() -> clpeel.Layers:
     soup = soups.random(5, 60)
-    return clpeel.render(soup.scene(), BENCH.camera(), (30, 20), layers=True).layers
+    return plainly.render(soup.scene(), BENCH.camera(), (30, 20), layers=True).layers
 
 
 def test_a_file_gives_the_same_layers(layers: clpeel.Layers, tmp_path: Path) -> None:
@@ -514,7 +515,7 @@ def test_the_command_writes_pictures_and_a_file(squares: Path, tmp_path: Path, c
     layers = clpeel.load_layers(folder / "layers.npz")
     scene = clpeel.load(squares, opacity=0.4, color=(1.0, 0.0, 0.0))
     camera = clpeel.Camera.frame(scene, aspect=40 / 30)
-    assert (layers.composite() == clpeel.render(scene, camera, (40, 30)).image).all()
+    assert (layers.composite() == plainly.render(scene, camera, (40, 30)).image).all()
     assert layers.triangle[layers.start[15 * 40 + 20]] in (2, 3), "the nearer square is the first layer"
     first, second = (np.asarray(Image.open(folder / f"layer-0{k}.png").convert("RGBA")) for k in (1, 2))
     red, grey = [255, 0, 0, 255], [200, 204, 210, 255]  # the command puts #c8ccd2 behind

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -50,7 +51,7 @@ def camera(parallel: bool = False) -> clpeel.Camera:
 
 def drawn(scene: clpeel.Scene, lighting: str, *, parallel: bool = False, lanes: int = 1, **options: Any) -> np.ndarray:
     """The picture's colours, premultiplied float32 [SIDE, SIDE, 4]."""
-    renderer = clpeel.Renderer(scene, lanes=lanes)
+    renderer = plainly.Renderer(scene, lanes=lanes)
     return renderer.render(camera(parallel), (SIDE, SIDE), lighting=lighting, background=None, **options).color
 
 
@@ -131,7 +132,7 @@ def test_the_kit_moves_with_the_camera(parallel: bool) -> None:
     turned = np.array([(0, 0, 1), (0, 1, 0), (-1, 0, 0)])  # about y, by a right angle, as the camera is
     scene = replace(quad(20, -30, finish, color), vertices=quad(20, -30, finish, color).vertices @ turned.T)
     eye = tuple(turned @ (0, 0, DISTANCE))
-    seen = clpeel.render(
+    seen = plainly.render(
         scene, clpeel.Camera(eye, (0, 0, 0), view_angle=40, orthographic=parallel), (SIDE, SIDE), lighting="kit"
     )
     np.testing.assert_allclose(seen.color[..., :3], got[..., :3], atol=2e-6)
@@ -215,9 +216,9 @@ def test_plain_materials_show_the_scenes_colours_without_lights() -> None:
 
 def test_what_only_lights_show_is_noted_without_them() -> None:
     scene = quad(0, 0, Finish(emissive=(1.0, 0.5, 0.0)), (0, 0, 0, 255))
-    (note,) = clpeel.render(scene, size=(8, 8)).stats.notes
+    (note,) = plainly.render(scene, size=(8, 8)).stats.notes
     assert note == "left out, as emissive light only shows under lights: lighting 'kit' has some"
-    assert clpeel.render(scene, size=(8, 8), lighting="kit").stats.notes == []
+    assert plainly.render(scene, size=(8, 8), lighting="kit").stats.notes == []
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.25, 0.5, 0.9, 1.0])

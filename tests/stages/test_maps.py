@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from numpy.typing import NDArray
 from reading.documents import png
@@ -74,7 +75,7 @@ def quad(
 def drawn(scene: Scene, *, behind: bool = False, lanes: int = 1, **options: Any) -> NDArray[np.float32]:
     """The picture's colours, float32 [SIDE, SIDE, 3], from +z, or from behind the quad."""
     camera = clpeel.Camera((0, 0, -3.0 if behind else 3.0), (0, 0, 0), view_angle=40)
-    renderer = clpeel.Renderer(scene, lanes=lanes)
+    renderer = plainly.Renderer(scene, lanes=lanes)
     return renderer.render(camera, (SIDE, SIDE), lighting="scene", background=None, **options).color[..., :3]
 
 
@@ -372,7 +373,7 @@ def test_lanes_and_techniques_have_the_same_bits() -> None:
 
     def picture(technique: str, lanes: int) -> NDArray[np.float32]:
         camera = clpeel.Camera((0, 0, 3), (0, 0, 0), view_angle=45)
-        return clpeel.Renderer(scene, lanes=lanes).render(camera, (40, 30), technique, lighting="scene").color
+        return plainly.Renderer(scene, lanes=lanes).render(camera, (40, 30), technique, lighting="scene").color
 
     want = picture("sort", 1)
     assert np.isfinite(want).all()
@@ -390,7 +391,7 @@ def test_a_damaged_map_is_left_out_with_a_note(tmp_path: Path) -> None:
     document.more["materials"][0] |= {"name": "oak", "occlusionTexture": {"index": 1}}
     scene = document.load(tmp_path)
     assert scene.notes == ()
-    renderer = clpeel.Renderer(scene)
+    renderer = plainly.Renderer(scene)
     result = renderer.render(size=(16, 16), lighting="kit")
     notes = [note for note in result.stats.notes if "left out" in note]
     assert [note.split(" (")[0] for note in notes] == [
@@ -401,7 +402,7 @@ def test_a_damaged_map_is_left_out_with_a_note(tmp_path: Path) -> None:
     document.more["materials"][0] = {
         key: document.more["materials"][0][key] for key in ("name", "pbrMetallicRoughness")
     }
-    without = clpeel.render(load(document.path(tmp_path)), size=(16, 16), lighting="kit")
+    without = plainly.render(load(document.path(tmp_path)), size=(16, 16), lighting="kit")
     np.testing.assert_array_equal(result.color, without.color)
     assert len({tuple(pixel) for pixel in result.image.reshape(-1, 4).tolist()}) > 1
 
@@ -419,7 +420,7 @@ def test_only_what_lights_need_is_decoded() -> None:
     whole = constant(0.5, 0.5, 1)
     finish = Finish(normal_texture=broken("normal"), occlusion_texture=whole, emissive_texture=broken("emissive"))
     scene = quad(finish, name="oak")
-    clpeel.render(scene, size=(4, 4))
+    plainly.render(scene, size=(4, 4))
     assert asked == []
     found, notes = readable(scene)
     assert asked == ["normal", "emissive"] and notes == [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plainly
 import pytest
 
 import clpeel
@@ -43,7 +44,7 @@ COUNTS = [1, 7, 8, 9, 31, 32, 33, 34, 35, 40, 63, 65, 100, RUN_MAX - 1, RUN_MAX,
 @pytest.mark.parametrize("layers", COUNTS)
 def test_any_number_of_layers(lanes, layers):
     scene, away, colors = curtain(layers)
-    result = clpeel.render(scene, CAMERA, (SIDE, SIDE), lanes=lanes)
+    result = plainly.render(scene, CAMERA, (SIDE, SIDE), lanes=lanes)
     assert result.stats["layers_max"] == layers and result.stats["fragments"] == layers * SIDE**2
     assert (result.color == under(away, colors)).all()
 
@@ -60,7 +61,7 @@ def test_a_strip_of_deep_and_shallow_pixels(lanes, deep):
         np.concatenate([far.faces, near.faces + len(far.vertices)]),
         face_colors=np.concatenate([far_colors, near_colors]),
     )
-    result = clpeel.render(scene, CAMERA, (SIDE, SIDE), lanes=lanes)
+    result = plainly.render(scene, CAMERA, (SIDE, SIDE), lanes=lanes)
     both = under(np.concatenate([far_away, near_away]), np.concatenate([far_colors, near_colors]))
     assert (result.color[:, :6] == both).all()
     assert (result.color[:, 6:] == under(far_away, far_colors)).all()
@@ -69,7 +70,7 @@ def test_a_strip_of_deep_and_shallow_pixels(lanes, deep):
 @pytest.mark.parametrize(("lanes", "layers"), [(1, 70_000), (64, 20_000)])
 def test_a_pixel_deeper_than_a_slab_is_drawn_in_a_larger_one(lanes, layers):
     scene, away, colors = curtain(layers, columns=1)
-    result = clpeel.render(scene, CAMERA, (SIDE, SIDE), lanes=lanes)
+    result = plainly.render(scene, CAMERA, (SIDE, SIDE), lanes=lanes)
     assert result.stats["layers_max"] == layers and result.stats["fragments"] == layers * SIDE
     assert (result.color[:, 0] == under(away, colors)).all() and not result.color[:, 1:].any()
 
@@ -78,7 +79,7 @@ def test_a_pixel_deeper_than_a_slab_is_drawn_in_a_larger_one(lanes, layers):
 def test_little_memory_means_small_slabs_and_the_same_bits(lanes, judge):
     scene, _, _ = curtain(3000)
     size = (5 * SIDE, 3 * SIDE)
-    much, little = (clpeel.render(scene, CAMERA, size, lanes=lanes, memory=memory) for memory in ("256M", "1M"))
+    much, little = (plainly.render(scene, CAMERA, size, lanes=lanes, memory=memory) for memory in ("256M", "1M"))
     assert little.stats["bytes"]["fragments"] < 1 << 20 <= much.stats["bytes"]["fragments"]
     judge.same_bits(little, much)
 
@@ -88,13 +89,13 @@ def test_a_pixel_deeper_than_the_memory_is_an_error_that_says_so():
     with pytest.raises(
         clpeel.InputError, match=r"room for the 50,000 fragments of one pixel, got room for \d\d,\d\d\d; raise"
     ):
-        clpeel.render(scene, CAMERA, (SIDE, SIDE), memory="1M")
+        plainly.render(scene, CAMERA, (SIDE, SIDE), memory="1M")
 
 
 @pytest.mark.parametrize("lanes", [1, 64])
 def test_tiles_that_nothing_meets_are_the_background(lanes):
     scene, _, _ = curtain(3)
-    result = clpeel.render(scene, CAMERA, (9 * SIDE, SIDE), lanes=lanes)
+    result = plainly.render(scene, CAMERA, (9 * SIDE, SIDE), lanes=lanes)
     assert result.color[:, : 4 * SIDE].any() and result.stats["clamped_pixels"] == 0
     behind = clpeel.Camera((0, 0, 4), (0, 0, 8), clipping_range=(2.0, 6.0))
-    assert not clpeel.render(scene, behind, (9 * SIDE, SIDE), lanes=lanes).color.any()
+    assert not plainly.render(scene, behind, (9 * SIDE, SIDE), lanes=lanes).color.any()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -62,10 +63,10 @@ def test_first_or_as_any_other_is_one_picture(
     assert scene.surfaces != "transparent"
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": size, "lighting": "headlight" if lit else "none"}
     for lanes in (1, 64):
-        want = clpeel.render(scene, opaque="blend", lanes=lanes, **call)
+        want = plainly.render(scene, opaque="blend", lanes=lanes, **call)
         layers = want.stats["layers_max"]
         for technique in EXACT[turn::2] if lanes == 1 else EXACT[1 - turn :: 2]:  # they take turns
-            got = clpeel.render(scene, technique=technique, lanes=lanes, **call)
+            got = plainly.render(scene, technique=technique, lanes=lanes, **call)
             if technique == "dual-depth-peeling" or scene.vertex_colors is not None:
                 judge.color(got, want.color, (3 * layers + 8) * UNIT, technique)
             else:
@@ -83,8 +84,8 @@ def test_an_opaque_scene_is_one_pass(technique: str, colors: str, lanes: int, ju
         rgba[:, 3] = 255 if rgba.dtype == np.uint8 else 1
         scene = clpeel.Scene.from_arrays(scene.vertices, scene.faces, vertex_colors=rgba)
     assert scene.surfaces == "opaque"
-    got = clpeel.render(scene, BENCH.camera(), size, technique, lanes=lanes)
-    want = clpeel.render(scene, BENCH.camera(), size, lanes=lanes, opaque="blend")
+    got = plainly.render(scene, BENCH.camera(), size, technique, lanes=lanes)
+    want = plainly.render(scene, BENCH.camera(), size, lanes=lanes, opaque="blend")
     judge.color(got, want.color, (0 if scene.vertex_colors is None else 8) * UNIT)
     assert set(np.unique(got.color[..., 3])) == {0.0, 1.0}
     stats = got.stats
@@ -102,12 +103,12 @@ def test_what_lies_behind_is_never_emitted(technique: str, lanes: int) -> None:
     order = np.random.default_rng(1).permutation(len(colors))
     scene = soups.stack(np.linspace(1, 7, len(colors))[order], np.array(colors)[order]).scene()
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (21, 5), "technique": technique, "lanes": lanes}
-    result = clpeel.render(scene, **call)
+    result = plainly.render(scene, **call)
     assert result.stats["fragments"] == 3 * 105 and result.stats["layers_max"] == 3
     assert result.stats["opaque_samples"] == 105 and result.stats["truncated_pixels"] == 0
     # The same as in front of a background of that colour, and the background itself is not seen.
     alone = soups.stack([1.0, 2.0, 3.0], np.array(front)).scene()
-    over = clpeel.render(alone, AHEAD.camera(), (1, 1), technique).color[0, 0]
+    over = plainly.render(alone, AHEAD.camera(), (1, 1), technique).color[0, 0]
     want = over[:3] + (1 - over[3]) * np.array([0.5, 0.25, 0.125])
     # Both have float32 errors of 3 N roundings, N = 4, of sums that weighted-sum does not keep below one.
     assert np.abs(result.color - [*want, 1]).max() <= 2 * 3 * 4 * UNIT * max(1, np.abs(over).max())
@@ -121,9 +122,9 @@ def test_coincident_with_an_opaque_surface(technique: str, lanes: int) -> None:
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (5, 5), "technique": technique, "lanes": lanes}
     for colors, want in (([glass, wall], [0.5, 0.5, 0, 1]), ([wall, glass], [1, 0, 0, 1])):
         scene = soups.stack([2.0, 2.0], np.array(colors)).scene()
-        assert (clpeel.render(scene, **call).color == want).all()
+        assert (plainly.render(scene, **call).color == want).all()
         if "coincident" in TECHNIQUES[technique].option_names:
-            assert (clpeel.render(scene, coincident="paper", **call).color == [1, 0, 0, 1]).all()
+            assert (plainly.render(scene, coincident="paper", **call).color == [1, 0, 0, 1]).all()
 
 
 def test_clipped_opaque_and_transparent_faces(lanes: int, judge: Judge) -> None:
@@ -134,10 +135,10 @@ def test_clipped_opaque_and_transparent_faces(lanes: int, judge: Judge) -> None:
     rgba = soup.face_colors.copy()
     rgba[::3, 3] = 255
     scene = clpeel.Scene.from_arrays(vertices, soup.faces, face_colors=rgba)
-    want = clpeel.render(scene, BENCH.camera(), (60, 40), lanes=lanes, opaque="blend")
+    want = plainly.render(scene, BENCH.camera(), (60, 40), lanes=lanes, opaque="blend")
     assert want.stats["clipped"] > 20
     for technique in ("sort", "depth-peeling"):
-        got = clpeel.render(scene, BENCH.camera(), (60, 40), technique, lanes=lanes)
+        got = plainly.render(scene, BENCH.camera(), (60, 40), technique, lanes=lanes)
         assert 0 < got.stats["opaque_samples"]
         judge.same_bits(got, want, technique)
 
@@ -145,7 +146,7 @@ def test_clipped_opaque_and_transparent_faces(lanes: int, judge: Judge) -> None:
 def test_weighted_sums_that_exceed_one_are_still_counted(lanes: int) -> None:
     """Over an opaque surface, too, where nothing of the background is left to tell."""
     scene = soups.stack([1.0, 2.0, 3.0], [(1, 1, 1, 0.75), (1, 1, 1, 0.75), (0, 0, 1, 1)]).scene()
-    result = clpeel.render(scene, AHEAD.camera(), (6, 3), "weighted-sum", lanes=lanes)
+    result = plainly.render(scene, AHEAD.camera(), (6, 3), "weighted-sum", lanes=lanes)
     assert result.stats["clamped_pixels"] == 18
     assert (result.color == [1.5, 1.5, 1.5 - 0.5, 1]).all()
 
@@ -154,11 +155,11 @@ def test_weighted_sums_that_exceed_one_are_still_counted(lanes: int) -> None:
 def test_memory_samples_and_batches(memory: str | None, lanes: int, judge: Judge) -> None:
     scene = mixed(5, 400, "vertex")
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (32, 32), "samples": 64, "memory": memory, "lanes": lanes}
-    want = clpeel.render(scene, BENCH.camera(), (256, 256), lanes=lanes)
+    want = plainly.render(scene, BENCH.camera(), (256, 256), lanes=lanes)
     mean = want.color.astype(float).reshape(32, 8, 32, 8, 4).mean(axis=(1, 3))
     bound = 34 * UNIT  # (n + 1) / 2 for a sum of n, and 1
     for technique in ("sort", "multi-layer-peeling"):
-        judge.color(clpeel.render(scene, technique=technique, **call), mean, bound)
+        judge.color(plainly.render(scene, technique=technique, **call), mean, bound)
 
 
 def test_surfaces_of_a_scene() -> None:
@@ -176,16 +177,16 @@ def test_surfaces_of_a_scene() -> None:
 def test_there_is_no_other_way() -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match="opaque: expected one of first, blend; got 'last'"):
-        clpeel.render(scene, AHEAD.camera(), (2, 2), opaque="last")
+        plainly.render(scene, AHEAD.camera(), (2, 2), opaque="last")
 
 
 def test_models_with_both(model: Any, judge: Judge) -> None:
     scene = clpeel.load(model("AlphaBlendModeTest.glb"))
     assert scene.surfaces == "mixed"
     camera = clpeel.Camera.frame(scene)
-    want = clpeel.render(scene, camera, (300, 200), opaque="blend")
+    want = plainly.render(scene, camera, (300, 200), opaque="blend")
     for technique in EXACT:
-        got = clpeel.render(scene, camera, (300, 200), technique)
+        got = plainly.render(scene, camera, (300, 200), technique)
         judge.color(got, want.color, (3 * want.stats["layers_max"] + 8) * UNIT, technique)
 
 
@@ -206,4 +207,4 @@ def test_what_cannot_be_is_refused_of_opaque_scenes_too(technique: str, options:
     """Where nothing is peeled or added up the options are not used, and wrong all the same."""
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 1.0)).scene()
     with pytest.raises(clpeel.InputError, match=f"^{next(iter(options))}: expected"):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), technique, **options)
+        plainly.render(scene, AHEAD.camera(), (4, 4), technique, **options)

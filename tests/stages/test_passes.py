@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -55,7 +56,7 @@ def atomics(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     """Both ways to blend depths: a fragment in one go, or its depth first. Skips what the device does not have."""
     if request.param == 32:
         monkeypatch.setattr(Workspace, "long_atomics", False)
-    elif not clpeel.Renderer(soups.stack([1.0], np.ones(4)).scene()).gpu.long_atomics:
+    elif not plainly.Renderer(soups.stack([1.0], np.ones(4)).scene()).gpu.long_atomics:
         pytest.skip("needs a device with cl_khr_int64_extended_atomics")
     return int(request.param)
 
@@ -96,7 +97,7 @@ def test_the_picture_and_the_counts_of_tiles(
 ) -> None:
     lit = kind == "vertices, lit"
     soup = coincident(81, 220, "vertex" if lit else "flat8")
-    renderer = clpeel.Renderer(soup.scene(), lanes=lanes)
+    renderer = plainly.Renderer(soup.scene(), lanes=lanes)
     lighting = "headlight" if lit else "none"
     got, want = both(renderer, BENCH.camera(), (75, 52), technique, lighting=lighting, **options)
     same(got, want, judge, technique)
@@ -137,7 +138,7 @@ def test_every_option(technique: str, option: dict[str, Any], judge: Judge, monk
     scene = coincident(82, 110).scene()
     if len(technique) % 2:  # one half of the techniques in each of the two ways: both are compared above
         monkeypatch.setattr(Workspace, "long_atomics", False)
-    renderer = clpeel.Renderer(scene, lanes=1)
+    renderer = plainly.Renderer(scene, lanes=1)
     got, want = both(renderer, BENCH.camera(), (61, 47), technique, **option)
     same(got, want, judge, f"{technique} {option}")
 
@@ -158,7 +159,7 @@ def test_any_scene(
     judge: Judge,
 ) -> None:
     soup = soups.with_opaque(coincident(seed, count, "flat"))
-    renderer = clpeel.Renderer(soup.scene(), lanes=lanes_drawn)
+    renderer = plainly.Renderer(soup.scene(), lanes=lanes_drawn)
     got, want = both(renderer, BENCH.camera(), size, technique[0], **technique[1])
     same(got, want, judge, str(technique))
 
@@ -168,7 +169,7 @@ def test_any_scene(
 def test_real_scenes(name: str, technique: str, options: dict[str, Any], judge: Judge, model: Any, bench: Any) -> None:
     scene = clpeel.load(model("dragon_vrip_res3.ply.gz"), opacity=0.4) if name == "dragon" else bench(name).scene()
     camera = clpeel.Camera.frame(scene) if name == "dragon" else BENCH.camera()
-    got, want = both(clpeel.Renderer(scene), camera, (300, 260), technique, **options)
+    got, want = both(plainly.Renderer(scene), camera, (300, 260), technique, **options)
     same(got, want, judge, f"{name} by {technique}")
 
 
@@ -188,7 +189,7 @@ def test_any_memory(
 
     monkeypatch.setattr(clpeel.stages.stream.Stream, "runs", counted)
     scene = soups.with_opaque(pile).scene()  # the face behind is hidden, but memory has to hold z-far
-    renderer = clpeel.Renderer(scene, lanes=lanes)
+    renderer = plainly.Renderer(scene, lanes=lanes)
     got, want = both(renderer, AHEAD.camera(), (40, 24), technique, memory="1M", **options)
     same(got, want, judge, technique)
     assert len(cuts) > 1 and max(cuts) > 1
@@ -197,21 +198,21 @@ def test_any_memory(
 def test_a_pixel_that_does_not_fit_the_memory_is_refused() -> None:
     deep = soups.stack(np.linspace(1, 7, 200_000), np.array([1, 1, 1, 1e-4]))
     with pytest.raises(clpeel.InputError, match="expected room for the 200,000 fragments of one pixel, got room for"):
-        clpeel.render(deep.scene(), AHEAD.camera(), (2, 2), "weighted-sum", memory="1M", execution="passes")
+        plainly.render(deep.scene(), AHEAD.camera(), (2, 2), "weighted-sum", memory="1M", execution="passes")
 
 
 @pytest.mark.parametrize("technique", PEELING)
 def test_what_passes_is_what_lies_behind_the_layers_before(technique: str, lanes: int) -> None:
     """It does not depend on the order of submission. So it is known in advance, whatever a depth test would reject."""
     scene = soups.random(83, 140, "mixed", alpha=(0.05, 0.2)).scene()
-    layers = clpeel.render(scene, BENCH.camera(), (50, 40), "layer-count").layer_count.astype(int)
+    layers = plainly.render(scene, BENCH.camera(), (50, 40), "layer-count").layer_count.astype(int)
     most = int(layers.max())
     a_pass = {"depth-peeling": 1, "dual-depth-peeling": 2, "multi-layer-peeling": 8}[technique]
     want = [int(np.maximum(layers - done, 0).sum()) for done in range(0, most + a_pass, a_pass)]
     if technique == "dual-depth-peeling":  # the first pass passes all; each later one the two layers it peels as well
         want = [want[0], *(int(np.maximum(layers - done, 0).sum()) for done in range(0, most, 2)), 0]
     for execution in ("tiles", "passes"):
-        got = clpeel.render(scene, BENCH.camera(), (50, 40), technique, lanes=lanes, execution=execution)
+        got = plainly.render(scene, BENCH.camera(), (50, 40), technique, lanes=lanes, execution=execution)
         assert got.stats.samples_passed == want, execution
 
 
@@ -236,9 +237,9 @@ def test_the_launches_are_those_of_the_papers(monkeypatch: pytest.MonkeyPatch) -
     """Fragments are emitted once. Then each pass clears, peels and blends, and at last all is merged."""
     made = Launches(monkeypatch)
     scene = soups.stack([2.0, 1.0, 3.0], (1.0, 0.5, 0.25, 0.5)).scene()
-    result = clpeel.render(scene, AHEAD.camera(), (20, 20), "depth-peeling", execution="passes")
+    result = plainly.render(scene, AHEAD.camera(), (20, 20), "depth-peeling", execution="passes")
     a_pass = ["clear_targets", "peel_fragments", "blend_layers"]
-    if not clpeel.Renderer(scene).gpu.long_atomics:
+    if not plainly.Renderer(scene).gpu.long_atomics:
         a_pass.insert(2, "settle")
     assert made.names == ["count_fragments", "begin_picture", "emit_stream", *3 * a_pass, "merge_layers"]
     assert result.stats.passes_issued == 4 and result.stats.samples_passed == [1200, 800, 400, 0]
@@ -248,7 +249,7 @@ def test_without_64_bit_atomics_ties_are_settled_by_a_second_launch(monkeypatch:
     monkeypatch.setattr(Workspace, "long_atomics", False)
     made = Launches(monkeypatch)
     scene = soups.stack([1.0], (1.0, 0.5, 0.25, 0.5)).scene()
-    clpeel.render(scene, AHEAD.camera(), (20, 20), "dual-depth-peeling", execution="passes")
+    plainly.render(scene, AHEAD.camera(), (20, 20), "dual-depth-peeling", execution="passes")
     assert made.names[3:7] == ["clear_targets", "peel_fragments", "settle", "blend_layers"]
 
 
@@ -265,7 +266,7 @@ def test_the_occlusion_query_is_read_after_each_pass_or_never(query: bool, monke
     monkeypatch.setattr(clpeel.stages.passes.Peeler, "_read_query", counted)
     scene = soups.stack([1.0, 2.0], (1.0, 0.5, 0.25, 0.5)).scene()
     options: dict[str, Any] = {"passes": 5, "occlusion_query": query, "execution": "passes"}
-    result = clpeel.render(scene, AHEAD.camera(), (20, 20), "depth-peeling", **options)
+    result = plainly.render(scene, AHEAD.camera(), (20, 20), "depth-peeling", **options)
     # Without queries the counts are fetched when all passes are done, for the stats alone.
     assert read == ([1, 1] if query else [5])
     assert result.stats.samples_passed == ([800, 400, 0] if query else [800, 400, 0, 0, 0])
@@ -273,7 +274,7 @@ def test_the_occlusion_query_is_read_after_each_pass_or_never(query: bool, monke
 
 def test_seconds_per_pass_are_those_of_the_launches() -> None:
     scene = soups.stack(np.linspace(1, 7, 12), (1.0, 0.5, 0.25, 0.1)).scene()
-    stats = clpeel.render(scene, AHEAD.camera(), (200, 200), "depth-peeling", execution="passes").stats
+    stats = plainly.render(scene, AHEAD.camera(), (200, 200), "depth-peeling", execution="passes").stats
     assert len(stats.seconds_per_pass) == stats.passes_issued == 13
     assert min(stats.seconds_per_pass[:12]) > 0 == stats.seconds_per_pass[12]  # the last one need not be made
     parts = ("clear_targets", "peel_fragments", "settle", "blend_layers")
@@ -289,7 +290,7 @@ def test_racing_writes_end_with_the_right_picture(options: dict[str, Any], lanes
     rng = np.random.default_rng(6)
     depths = np.round(rng.permutation(np.linspace(1, 7, 300)), 1)  # some of them equal
     scene = soups.stack(depths, rng.random((300, 4)) * [1, 1, 1, 0.03]).scene()
-    renderer = clpeel.Renderer(scene, lanes=lanes)
+    renderer = plainly.Renderer(scene, lanes=lanes)
     call: tuple[Any, ...] = (AHEAD.camera(), (48, 32), "multi-layer-peeling")
     want = renderer.render(*call, **options)
     got = renderer.render(*call, execution="passes", racing_writes=True, **options)
@@ -306,7 +307,7 @@ def test_racing_writes_end_with_the_right_picture(options: dict[str, Any], lanes
 def test_simulated_hazards_report_their_inner_passes_too() -> None:
     scene = soups.stack([3.0, 2.0, 4.0, 1.0], (1.0, 0.5, 0.25, 0.5)).scene()
     options: dict[str, Any] = {"layers_per_pass": 4, "hazard_window": 2}
-    stats = clpeel.render(scene, AHEAD.camera(), (3, 2), "multi-layer-peeling", **options).stats
+    stats = plainly.render(scene, AHEAD.camera(), (3, 2), "multi-layer-peeling", **options).stats
     assert stats["inner_passes"] == [3, 1] and stats.samples_passed == [24, 12, 0, 0]
 
 
@@ -315,7 +316,7 @@ def test_a_race_that_never_ends_is_given_up(monkeypatch: pytest.MonkeyPatch) -> 
     scene = soups.stack([1.0], (1.0, 0.5, 0.25, 0.5)).scene()
     options: dict[str, Any] = {"execution": "passes", "racing_writes": True}
     with pytest.raises(clpeel.errors.DeviceError, match="racing_writes: expected a pass that writes nothing, got none"):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), "multi-layer-peeling", **options)
+        plainly.render(scene, AHEAD.camera(), (4, 4), "multi-layer-peeling", **options)
 
 
 # --- what cannot be ---------------------------------------------------------------------------------------------------
@@ -352,17 +353,17 @@ def test_a_race_that_never_ends_is_given_up(monkeypatch: pytest.MonkeyPatch) -> 
 def test_what_cannot_be_is_refused(technique: str, options: dict[str, Any], message: str) -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match=message):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), technique, **{"execution": "passes", **options})
+        plainly.render(scene, AHEAD.camera(), (4, 4), technique, **{"execution": "passes", **options})
 
 
 def test_nothing_to_draw_and_nothing_transparent(lanes: int) -> None:
     away = clpeel.Camera((0, 0, 4), (0, 0, 8))
     glass = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     for technique, options in ALL:
-        empty = clpeel.render(glass, away, (20, 20), technique, lanes=lanes, execution="passes", **options)
-        tiles = clpeel.render(glass, away, (20, 20), technique, lanes=lanes, **options)
+        empty = plainly.render(glass, away, (20, 20), technique, lanes=lanes, execution="passes", **options)
+        tiles = plainly.render(glass, away, (20, 20), technique, lanes=lanes, **options)
         assert (empty.image == tiles.image).all()
         assert {name: empty.stats[name] for name in SAME} == {name: tiles.stats[name] for name in SAME}, technique
     solid = soups.stack([1.0], (0.25, 0.5, 1.0, 1.0)).scene()
-    got = clpeel.render(solid, AHEAD.camera(), (20, 20), "depth-peeling", lanes=lanes, execution="passes")
+    got = plainly.render(solid, AHEAD.camera(), (20, 20), "depth-peeling", lanes=lanes, execution="passes")
     assert (got.color == [0.25, 0.5, 1.0, 1.0]).all()

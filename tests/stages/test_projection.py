@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -144,4 +145,4 @@ def test_more_than_can_be_numbered_is_refused(monkeypatch):
     monkeypatch.setattr("clpeel.stages.upload.MOST_ITEMS", 5)
     scene = clpeel.Scene.from_arrays(np.zeros((6, 3)), [[0, 1, 2]], color=(1.0, 0, 0, 0.5))
     with pytest.raises(clpeel.InputError, match="scene: expected at most 5 vertices and triangles, got 6"):
-        clpeel.render(scene, clpeel.Camera((0, 0, 4), (0, 0, 0)), (4, 4))
+        plainly.render(scene, clpeel.Camera((0, 0, 4), (0, 0, 0)), (4, 4))

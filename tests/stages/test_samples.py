@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,7 +31,7 @@ NUMBERS = (4, 8, 16)
 
 
 def render(soup: Soup, view: Eye, size: tuple[int, int], samples: int, **options: Any) -> clpeel.Result:
-    return clpeel.render(soup.scene(), view.camera(), size=size, samples=samples, **options)
+    return plainly.render(soup.scene(), view.camera(), size=size, samples=samples, **options)
 
 
 # --- where they lie ---------------------------------------------------------------------------------------------------

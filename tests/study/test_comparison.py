@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
+import plainly
 import pytest
 from conftest import printed
 from hypothesis import given
@@ -155,7 +156,7 @@ def test_errors_are_what_the_pictures_say(soup: soups.Soup, compared: Comparison
     over = compared.truth[..., :3] + (1 - compared.truth[..., 3:])
     for row in compared.rows:
         options = {"precision": row.precision, "passes": row.budget}
-        result = clpeel.render(
+        result = plainly.render(
             soup.scene(),
             BENCH.camera(),
             SIZE,

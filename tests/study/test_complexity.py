@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 import trimesh
 from hypothesis import example, given
@@ -22,7 +23,7 @@ from clpeel.errors import InputError
 from clpeel.pictures.colormap import colors_at
 from clpeel.pictures.scale_bar import ticks
 from clpeel.rendering.costs import ALL_OPAQUE_COST, COSTS, Cost
-from clpeel.rendering.options import COMMAND_BACKGROUND
+from clpeel.rendering.options import BACKGROUND
 from clpeel.study.complexity import Complexity, Need
 from clpeel.techniques import TECHNIQUES
 
@@ -81,7 +82,7 @@ def test_counts_are_those_of_a_render(
     scene = some_opaque(soups.random(seed, count), share, seed).scene()
     for lanes in (1, 64):
         found = clpeel.complexity(scene, view(near), size, opaque=opaque, lanes=lanes)
-        result = clpeel.render(scene, view(near), size, opaque=opaque, lanes=lanes, layers=True)
+        result = plainly.render(scene, view(near), size, opaque=opaque, lanes=lanes, layers=True)
         stats = result.stats
         assert (found.fragments, found.max) == (stats["fragments"], stats["layers_max"])
         assert np.count_nonzero(found.opaque) == stats["opaque_samples"]
@@ -99,7 +100,7 @@ def test_needs_are_what_each_technique_reports(share: float, near: float, lanes:
         found = clpeel.complexity(scene, view(near), size, lanes=lanes)
         for need in found.needs:
             technique = TECHNIQUES[need.technique]
-            stats = clpeel.render(scene, view(near), size, need.technique, lanes=lanes).stats
+            stats = plainly.render(scene, view(near), size, need.technique, lanes=lanes).stats
             # Those that no query ends make all the passes that they are told, whether they find anything or not.
             query = "occlusion_query" in technique.option_names
             assert need.passes == stats["passes" if query else "passes_issued"], need.technique
@@ -114,7 +115,7 @@ def test_passes_of_a_stack_are_what_each_technique_makes(layers: int) -> None:
     """Odd and even numbers of layers, and just as many as one pass of several peels, and one more."""
     scene = soups.stack(np.linspace(1, 7, layers), GLASS).scene()
     for need in clpeel.complexity(scene, AHEAD.camera(), (5, 5)).needs:
-        stats = clpeel.render(scene, AHEAD.camera(), (5, 5), need.technique).stats
+        stats = plainly.render(scene, AHEAD.camera(), (5, 5), need.technique).stats
         query = "occlusion_query" in TECHNIQUES[need.technique].option_names
         assert need.passes == stats["passes" if query else "passes_issued"], need.technique
 
@@ -124,7 +125,7 @@ def test_passes_are_at_most_so_many_where_surfaces_hide_others(lanes: int) -> No
     scene = soups.stack([1.0, 2.0, 3.0, 4.0], np.full((4, 4), 255, np.uint8)).scene()
     found = clpeel.complexity(scene, AHEAD.camera(), (5, 5), opaque="blend", lanes=lanes)
     for need in found.needs:
-        stats = clpeel.render(scene, AHEAD.camera(), (5, 5), need.technique, opaque="blend", lanes=lanes).stats
+        stats = plainly.render(scene, AHEAD.camera(), (5, 5), need.technique, opaque="blend", lanes=lanes).stats
         assert need.passes >= stats["passes"]
     assert found.max == 4
 
@@ -328,7 +329,7 @@ def test_the_command(ring: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     camera = clpeel.Camera.frame(scene, (-1, -1, -2), aspect=200 / 150)
     want = clpeel.complexity(scene, camera, (200, 150))
     assert told["histogram"] == want.histogram.tolist() and told["layers_max"] == want.max == 4
-    assert (np.asarray(Image.open(out)) == want.image(COMMAND_BACKGROUND)[..., :3]).all()
+    assert (np.asarray(Image.open(out)) == want.image(BACKGROUND)[..., :3]).all()
     assert [row["technique"] for row in told["techniques"]] == list(TECHNIQUES)
 
 

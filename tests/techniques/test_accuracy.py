@@ -10,12 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import reference, soups
 from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH
 
-import clpeel
 from clpeel.study.compare import true_colors
 from clpeel.techniques import TECHNIQUES
 
@@ -51,7 +51,7 @@ def test_within_3_n_roundings(technique: str, count: int, kind: str, lanes: int)
     colors = layers_of(count, kind)
     order = np.random.default_rng(4).permutation(count)
     soup = soups.stack(np.linspace(1, 7, count)[order], colors[order])
-    got = clpeel.render(soup.scene(), AHEAD.camera(), SIZE, technique, lanes=lanes, opaque="blend").color
+    got = plainly.render(soup.scene(), AHEAD.camera(), SIZE, technique, lanes=lanes, opaque="blend").color
     want = over(colors, np.float64)
     error = np.abs(got - want).max()
     assert error <= 3 * count * UNIT
@@ -68,7 +68,7 @@ def test_within_3_n_roundings_of_the_twin(technique: str, seed: int, lanes: int)
     twin = reference.render(soup, BENCH, size)
     edge = reference.edge_distance(soup, BENCH, size) <= reference.SNAP + 1e-9
     excused = edge | reference.near_tie(twin, 24 * UNIT)
-    got = clpeel.render(soup.scene(), BENCH.camera(), size, technique, lanes=lanes)
+    got = plainly.render(soup.scene(), BENCH.camera(), size, technique, lanes=lanes)
     error = np.abs(got.color - twin.color).max(axis=2)
     assert (error <= 3 * np.maximum(twin.layers, 1) * UNIT)[~excused].all()
     assert twin.layers.max() >= 8 and excused.mean() < 0.1
@@ -90,7 +90,7 @@ def soup(request: pytest.FixtureRequest, bench: Callable[..., soups.Soup]) -> so
 def test_pictures_of_8_bits_are_float64s(technique: str, background: Any, soup: soups.Soup, lanes: int) -> None:
     """At least 99.99 % of the values, and none is off by more than one step."""
     size = (160, 120)
-    result = clpeel.render(soup.scene(), BENCH.camera(), size, technique, background, lanes=lanes, layers=True)
+    result = plainly.render(soup.scene(), BENCH.camera(), size, technique, background, lanes=lanes, layers=True)
     off = np.abs(result.image.astype(int) - reference.image(true_colors(result.layers), background))
     assert off.max() <= 1
     assert (off == 0).mean() >= 0.9999

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import plainly
 import pytest
 from twins import soups
 from twins.soups import AHEAD, BENCH
-
-import clpeel
 
 if TYPE_CHECKING:
     from conftest import Judge
@@ -20,8 +19,8 @@ pytestmark = pytest.mark.usefixtures("shared_devices")
 def test_each_pass_peels_one_layer_of_each_pixel_that_has_one_left(lanes: int) -> None:
     """More samples pass than that, as the depth test also passes what a nearer fragment replaces later."""
     soup, size = soups.random(71, 150, "mixed", alpha=(0.05, 0.2)), (50, 40)
-    layers = clpeel.render(soup.scene(), BENCH.camera(), size, "layer-count").layer_count
-    got = clpeel.render(soup.scene(), BENCH.camera(), size, "depth-peeling", lanes=lanes)
+    layers = plainly.render(soup.scene(), BENCH.camera(), size, "layer-count").layer_count
+    got = plainly.render(soup.scene(), BENCH.camera(), size, "depth-peeling", lanes=lanes)
     left = [int((layers > peeled).sum()) for peeled in range(int(layers.max()) + 1)]
     assert len(got.stats.samples_passed) == len(left) > 8 and left[-1] == got.stats.samples_passed[-1] == 0
     assert all(passed >= peeled for passed, peeled in zip(got.stats.samples_passed, left, strict=True))
@@ -35,7 +34,7 @@ def test_the_nearest_layers_are_peeled_first(passes: int, lanes: int) -> None:
     colors[np.arange(6), np.arange(6) % 3] = 1
     colors[:, 3] = 0.5
     scene = soups.stack(1.0 + order, colors[order]).scene()
-    got = clpeel.render(scene, AHEAD.camera(), (4, 3), "depth-peeling", passes=passes, lanes=lanes)
+    got = plainly.render(scene, AHEAD.camera(), (4, 3), "depth-peeling", passes=passes, lanes=lanes)
     want = sum(colors[k] * [0.5, 0.5, 0.5, 1] * 0.5**k for k in range(passes))
     assert (got.color == want).all()
 
@@ -43,7 +42,7 @@ def test_the_nearest_layers_are_peeled_first(passes: int, lanes: int) -> None:
 def test_it_is_multi_layer_peeling_of_one_layer_a_pass(lanes: int, judge: Judge) -> None:
     soup, size = soups.random(72, 120, "mixed", "vertex"), (40, 30)
     one, other = (
-        clpeel.render(soup.scene(), BENCH.camera(), size, technique, lanes=lanes, passes=3, **options)
+        plainly.render(soup.scene(), BENCH.camera(), size, technique, lanes=lanes, passes=3, **options)
         for technique, options in (("depth-peeling", {}), ("multi-layer-peeling", {"layers_per_pass": 1}))
     )
     judge.same_bits(one, other, "depth-peeling")

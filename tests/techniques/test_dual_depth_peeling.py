@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plainly
 import pytest
 from twins import soups
 from twins.reference import UNIT
@@ -33,7 +34,7 @@ def over(colors: np.ndarray) -> np.ndarray:
 def test_the_outermost_layers_are_peeled_first(count: int, passes: int, lanes: int) -> None:
     """From both ends, and the middle one once."""
     scene, colors = alternating(count)
-    got = clpeel.render(scene, AHEAD.camera(), (4, 3), "dual-depth-peeling", passes=passes, lanes=lanes)
+    got = plainly.render(scene, AHEAD.camera(), (4, 3), "dual-depth-peeling", passes=passes, lanes=lanes)
     some = np.arange(count)
     outer = colors[(some < passes) | (some >= count - passes)]
     assert np.abs(got.color - over(outer)).max() <= 3 * (len(outer) + 1) * UNIT
@@ -43,8 +44,8 @@ def test_the_outermost_layers_are_peeled_first(count: int, passes: int, lanes: i
 def test_the_first_pass_only_looks_for_the_ends(lanes: int) -> None:
     """It passes all fragments by, and blends none; each further pass finds two layers a pixel, and at last one."""
     soup, size = soups.random(73, 150, "mixed", alpha=(0.05, 0.2)), (50, 40)
-    layers = clpeel.render(soup.scene(), BENCH.camera(), size, "layer-count").layer_count.astype(int)
-    got = clpeel.render(soup.scene(), BENCH.camera(), size, "dual-depth-peeling", lanes=lanes)
+    layers = plainly.render(soup.scene(), BENCH.camera(), size, "layer-count").layer_count.astype(int)
+    got = plainly.render(soup.scene(), BENCH.camera(), size, "dual-depth-peeling", lanes=lanes)
     most = int(layers.max())
     assert got.stats.passes == (most // 2 + 1 if most % 2 == 0 else (most + 1) // 2 + 1)
     assert got.stats.layers_max == most and got.stats.fragments == layers.sum()

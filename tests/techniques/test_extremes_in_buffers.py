@@ -42,6 +42,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import reference, soups
 from twins.reference import UNIT
@@ -91,7 +92,7 @@ def render(
     colors = np.asarray(colors, single)
     away = np.linspace(1, 7, len(colors)) if away is None else away
     more = {"opaque": "blend", **more}
-    return clpeel.render(
+    return plainly.render(
         soups.stack(away, colors).scene(), AHEAD.camera(), size, technique, lanes=lanes, precision=precision, **more
     )
 
@@ -208,7 +209,7 @@ def test_03_vertices_that_are_not_finite(technique: str, lanes: int, judge: Judg
     bad = [0, 5, 14, 29]
     for precision in {DEFAULT_PRECISION, PAPERS[technique]}:
         got, want = (
-            clpeel.render(one.scene(), BENCH.camera(), (40, 30), technique, lanes=lanes, precision=precision)
+            plainly.render(one.scene(), BENCH.camera(), (40, 30), technique, lanes=lanes, precision=precision)
             for one in (replace(soup, vertices=vertices), soup.take(np.delete(np.arange(30), bad)))
         )
         assert got.stats["discarded"] == len(bad) and want.stats["discarded"] == 0
@@ -223,7 +224,7 @@ def test_05_the_eye_within_a_closed_mesh(technique: str, lanes: int) -> None:
     # In float32, so that the kernels are those of the other tests.
     soup = replace(soup, vertices=soup.vertices.astype(single).astype(float))
     for precision in {DEFAULT_PRECISION, PAPERS[technique]}:
-        got = clpeel.render(soup.scene(), view.camera(), (37, 25), technique, lanes=lanes, precision=precision)
+        got = plainly.render(soup.scene(), view.camera(), (37, 25), technique, lanes=lanes, precision=precision)
         as_stored(got, technique, precision, [rgba])
 
 
@@ -240,7 +241,7 @@ def test_06_far_from_the_origin_and_of_any_size(technique: str, lanes: int, judg
     afar = replace(view, position=(0.0, 0.0, 2.0**91), clipping_range=(2.0**89, 2.0**93))
     for precision in {DEFAULT_PRECISION, PAPERS[technique]}:
         pictures = [
-            clpeel.render(one.scene(), eye.camera(), (60, 50), technique, lanes=lanes, precision=precision)
+            plainly.render(one.scene(), eye.camera(), (60, 50), technique, lanes=lanes, precision=precision)
             for one, eye in ((here, view), (there, away), (large, afar))
         ]
         assert pictures[0].stats["layers_max"] >= PEELS
@@ -445,7 +446,7 @@ def test_21_and_22_every_sample_once(technique: str, lanes: int) -> None:
         soup = replace(soup, vertices=soup.vertices.astype(single).astype(float))
         for precision in {DEFAULT_PRECISION, PAPERS[technique]}:
             call: dict[str, Any] = {"lanes": lanes, "precision": precision}
-            result = clpeel.render(soup.scene(), BENCH.camera(), (50, 45), technique, **call)
+            result = plainly.render(soup.scene(), BENCH.camera(), (50, 45), technique, **call)
             assert result.stats["fragments"] == 50 * 45
             as_stored(result, technique, precision, [rgba])
 
@@ -457,7 +458,7 @@ def test_23_a_range_of_ten_millions(technique: str, lanes: int) -> None:
     for distance in (2e-3, 1.0, 5e3):
         for away in ([1.0, 1 + 2.0**-22], [1 + 2.0**-22, 1.0]):
             scene = soups.stack(single(distance) * np.array(away), COLORS[:2]).scene()
-            got = clpeel.render(scene, view.camera(), (3, 2), technique, lanes=lanes, precision=precision)
+            got = plainly.render(scene, view.camera(), (3, 2), technique, lanes=lanes, precision=precision)
             in_order = technique in SUMMED or away[0] < away[1]
             as_stored(got, technique, precision, COLORS[:2] if in_order else COLORS[1::-1])
 
@@ -486,14 +487,14 @@ def test_25_shuffled_both_shapes_and_a_hundred_repeats(technique: str, judge: Ju
     """Sorted or peeled pictures are the same of shuffled triangles; sums are of the order of submission."""
     soup, size, precision = soups.random(25, 120, "mixed", "flat"), (50, 40), PAPERS[technique]
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": size, "technique": technique, "precision": precision}
-    renderers = [clpeel.Renderer(soup.scene(), lanes=lanes) for lanes in (1, 64)]
+    renderers = [plainly.Renderer(soup.scene(), lanes=lanes) for lanes in (1, 64)]
     want = renderers[0].render(**call)
     for renderer in renderers:
         for _ in range(50):
             judge.same_bits(renderer.render(**call), want)
     order = np.random.default_rng(25).permutation(len(soup.faces))
     for lanes in (1, 64):
-        other = clpeel.render(soup.take(order).scene(), lanes=lanes, **call)
+        other = plainly.render(soup.take(order).scene(), lanes=lanes, **call)
         if technique in IN_ORDER:
             judge.same_bits(other, want)
         else:
@@ -508,7 +509,7 @@ def test_26_odd_sizes(technique: str, size: tuple[int, int], lanes: int) -> None
     soup = soups.stack(distances, COLORS, reach=1.5 * max(size[0] / size[1], 1))
     soup = replace(soup, vertices=soup.vertices.astype(single).astype(float))
     precision = PAPERS[technique]
-    result = clpeel.render(soup.scene(), AHEAD.camera(), size, technique, lanes=lanes, precision=precision)
+    result = plainly.render(soup.scene(), AHEAD.camera(), size, technique, lanes=lanes, precision=precision)
     assert result.image.shape == result.color.shape == (size[1], size[0], 4)
     assert result.stats["fragments"] == len(COLORS) * size[0] * size[1]
     as_stored(result, technique, precision, COLORS)

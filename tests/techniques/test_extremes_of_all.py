@@ -6,12 +6,12 @@ import hashlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import reference, soups
 from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH
 
-import clpeel
 from clpeel.techniques import TECHNIQUES
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ PEELS = 4  # of glowscript
 
 def render(soup: soups.Soup, technique: str, lanes: int, size: tuple[int, int] = (3, 2), **options: Any) -> Any:
     """A picture of a stack that fills the view."""
-    return clpeel.render(soup.scene(), AHEAD.camera(), size, technique, lanes=lanes, **options)
+    return plainly.render(soup.scene(), AHEAD.camera(), size, technique, lanes=lanes, **options)
 
 
 def closed_form(technique: str, colors: np.ndarray) -> np.ndarray:
@@ -110,7 +110,7 @@ def test_12_equal_layers(technique: str, alpha: float, count: int, lanes: int) -
 def test_15_all_alphas_zero(technique: str, background: Any, lanes: int, judge: Judge) -> None:
     soup = soups.random(15, 60, "large", "flat", alpha=(0.0, 0.0))
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": (30, 20), "background": background, "lanes": lanes}
-    got = clpeel.render(soup.scene(), technique=technique, **call)
+    got = plainly.render(soup.scene(), technique=technique, **call)
     assert got.stats["fragments"] > 500 and not got.color.any()
     np.testing.assert_array_equal(got.image, reference.image(np.zeros((20, 30, 4)), background))
 
@@ -172,7 +172,7 @@ def test_23_a_range_of_ten_millions(technique: str, lanes: int) -> None:
         for near, far in ((0, 1), (1, 0)):
             away = [distance * (1 + 2.0**-22 * near), distance * (1 + 2.0**-22 * far)]
             scene = soups.stack(away, np.array([(1, 0, 0, 0.5), (0, 1, 0, 0.5)])).scene()
-            got = clpeel.render(scene, view.camera(), (3, 2), technique, lanes=lanes).color
+            got = plainly.render(scene, view.camera(), (3, 2), technique, lanes=lanes).color
             want = closed_form(technique, np.array([(1, 0, 0, 0.5), (0, 1, 0, 0.5)])[[near, far]])
             assert (got == want).all()
 
@@ -194,17 +194,17 @@ def test_24_denormal_transmittance(technique: str, count: int, lanes: int) -> No
 @pytest.mark.parametrize("technique", EXACT)
 def test_25_shuffled_triangles_and_repeats(technique: str, judge: Judge) -> None:
     soup, size = soups.random(25, 150, "mixed"), (50, 40)
-    want = clpeel.render(soup.scene(), BENCH.camera(), size, technique, lanes=1)
+    want = plainly.render(soup.scene(), BENCH.camera(), size, technique, lanes=1)
     rng = np.random.default_rng(25)
     for lanes in (1, 16, 64):
         for _ in range(2):
             shuffled = soup.take(rng.permutation(len(soup.faces))).scene()
-            judge.same_bits(clpeel.render(shuffled, BENCH.camera(), size, technique, lanes=lanes), want)
+            judge.same_bits(plainly.render(shuffled, BENCH.camera(), size, technique, lanes=lanes), want)
 
 
 @pytest.mark.parametrize("technique", BLENDING)
 def test_25_a_hundred_repeats(technique: str, lanes: int) -> None:
-    renderer = clpeel.Renderer(soups.random(26, 60, "mixed", "vertex").scene(), lanes=lanes)
+    renderer = plainly.Renderer(soups.random(26, 60, "mixed", "vertex").scene(), lanes=lanes)
     digests = {
         hashlib.sha256(renderer.render(BENCH.camera(), (40, 30), technique).color.tobytes()).digest()
         for _ in range(100)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import soups
 from twins.reference import UNIT
@@ -37,7 +38,7 @@ def test_the_merge_of_the_article(count: int, passes: int | None, lanes: int) ->
     order = rng.permutation(count + 1)
     scene = soups.stack(away[order], colors[order]).scene()
     options: dict[str, Any] = {} if passes is None else {"passes": passes}
-    result = clpeel.render(scene, AHEAD.camera(), (7, 3), "glowscript", lanes=lanes, **options)
+    result = plainly.render(scene, AHEAD.camera(), (7, 3), "glowscript", lanes=lanes, **options)
     peels = passes or 4
     want = merge(layers[:peels].astype(float), opaque.astype(float))
     # Two products, a sum and 1 - a for each of at most four layers.
@@ -61,8 +62,8 @@ def test_as_depth_peeling_stopped_there(colors: str, passes: int, lanes: int, ju
     """The same layers, and the same left out: only the order of the products differs."""
     scene, size = soups.random(67, 120, "large", colors, alpha=(0.2, 0.7)).scene(), (60, 40)
     call: dict[str, Any] = {"camera": BENCH.camera(), "size": size, "passes": passes, "lanes": lanes}
-    got = clpeel.render(scene, technique="glowscript", **call)
-    want = clpeel.render(scene, technique="depth-peeling", **call)
+    got = plainly.render(scene, technique="glowscript", **call)
+    want = plainly.render(scene, technique="depth-peeling", **call)
     judge.color(got, want.color, 2 * 3 * passes * UNIT)
     for name in ("fragments", "layers_max", "truncated_pixels", "passes"):
         assert got.stats[name] == want.stats[name], name
@@ -72,7 +73,7 @@ def test_as_depth_peeling_stopped_there(colors: str, passes: int, lanes: int, ju
 def test_coincident_fragments(lanes: int) -> None:
     scene = soups.stack([2.0] * 6, (1.0, 0.5, 0.25, 0.5)).scene()
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (4, 4), "technique": "glowscript", "lanes": lanes}
-    kept, paper = clpeel.render(scene, **call), clpeel.render(scene, coincident="paper", **call)
+    kept, paper = plainly.render(scene, **call), plainly.render(scene, coincident="paper", **call)
     assert (kept.color[..., 3] == 1 - 0.5**4).all() and kept.stats["truncated_pixels"] == 16
     assert (paper.color[..., 3] == 0.5).all() and paper.stats["truncated_pixels"] == 0
 
@@ -88,4 +89,4 @@ def test_coincident_fragments(lanes: int) -> None:
 def test_what_cannot_be_is_refused(options: dict[str, Any], message: str) -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match=message):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), "glowscript", **options)
+        plainly.render(scene, AHEAD.camera(), (4, 4), "glowscript", **options)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import reference, soups
 from twins.soups import AHEAD, BENCH
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("shared_devices")
 
 
 def layer_count(scene: clpeel.Scene, camera: clpeel.Camera, size: tuple[int, int], **options: Any) -> clpeel.Result:
-    return clpeel.render(scene, camera, size, "layer-count", scale_bar=False, **options)
+    return plainly.render(scene, camera, size, "layer-count", scale_bar=False, **options)
 
 
 @pytest.mark.parametrize("colors", ["flat8", "vertex"])
@@ -79,13 +80,13 @@ def test_the_scale_bar_is_of_whole_numbers() -> None:
     """It is drawn where there is room, over nothing but an empty corner."""
     scene = soups.stack([1.0, 2.0], (255, 255, 255, 128), reach=0.2).scene()
     plain = layer_count(scene, AHEAD.camera(), (320, 240))
-    barred = clpeel.render(scene, AHEAD.camera(), (320, 240), "layer-count")
+    barred = plainly.render(scene, AHEAD.camera(), (320, 240), "layer-count")
     changed = (plain.image != barred.image).any(axis=-1)
     assert 500 < changed.sum() < 320 * 240 / 4 and not (changed & (plain.layer_count > 0)).any()
     assert (plain.layer_count == barred.layer_count).all()
 
 
 def test_other_techniques_have_no_such_map() -> None:
-    result = clpeel.render(soups.random(1).scene(), BENCH.camera(), (8, 8))
+    result = plainly.render(soups.random(1).scene(), BENCH.camera(), (8, 8))
     with pytest.raises(clpeel.InputError, match="layer_count: expected a result of a technique that makes this map"):
         _ = result.layer_count

@@ -6,6 +6,7 @@ import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -84,8 +85,8 @@ def render(fragments: Slots, m: int, lanes: int, **options: Any) -> Any:
     away = 1 + np.asarray(fragments, float) / (len(fragments) + 1)
     scene = soups.stack(away, np.array([(0.5, 0.25, 1.0, 0.25)] * len(fragments))).scene()
     call = {"camera": AHEAD.camera(), "size": (3, 2), "lanes": lanes}
-    got = clpeel.render(scene, technique="multi-layer-peeling", layers_per_pass=m, **options, **call)
-    assert (got.color == clpeel.render(scene, **call).color).all()
+    got = plainly.render(scene, technique="multi-layer-peeling", layers_per_pass=m, **options, **call)
+    assert (got.color == plainly.render(scene, **call).color).all()
     return got
 
 
@@ -158,9 +159,9 @@ def test_the_bound_of_the_paper_does_not_hold_as_fragments_arrive(lanes: int) ->
 @pytest.mark.parametrize("window", [1, 3, 1000])
 def test_any_scene_as_sort(colors: str, window: int, lanes: int, judge: Judge) -> None:
     scene, size = soups.random(61, 150, "mixed", colors, alpha=(0.05, 0.9)).scene(), (50, 40)
-    want = clpeel.render(scene, BENCH.camera(), size, lanes=lanes)
+    want = plainly.render(scene, BENCH.camera(), size, lanes=lanes)
     layers = -(-want.stats["layers_max"] // 4)
-    got = clpeel.render(
+    got = plainly.render(
         scene, BENCH.camera(), size, "multi-layer-peeling", lanes=lanes, layers_per_pass=4, hazard_window=window
     )
     judge.same_bits(got, want)
@@ -173,7 +174,7 @@ def test_passes_are_those_of_the_picture_however_many_batches_it_has(lanes: int)
     scene = soups.Soup(soup.vertices, np.tile(soup.faces, (30, 1)), color=np.array([9, 9, 9, 9], np.uint8)).scene()
     call = {"camera": BENCH.camera(), "size": (700, 500), "technique": "multi-layer-peeling", "lanes": lanes}
     one, many = (
-        clpeel.render(scene, hazard_window=3, layers_per_pass=16, memory=memory, **call) for memory in (None, "1M")
+        plainly.render(scene, hazard_window=3, layers_per_pass=16, memory=memory, **call) for memory in (None, "1M")
     )
     assert one.stats["batches"] == 1 < many.stats["batches"]
     for name in ("samples_passed", "passes", "passes_issued"):

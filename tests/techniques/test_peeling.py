@@ -6,6 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -51,8 +52,8 @@ def test_as_sort(technique: str, options: dict[str, Any], colors: str, lanes: in
     soup, size = soups.random(61, 150, "mixed", colors, alpha=(0.05, 0.9)), (70, 50)
     scene, camera = soup.scene(), BENCH.camera()
     for lighting in ("none", "headlight"):
-        want = clpeel.render(scene, camera, size, lanes=lanes, lighting=lighting)
-        got = clpeel.render(scene, camera, size, technique, lanes=lanes, lighting=lighting, **options)
+        want = plainly.render(scene, camera, size, lanes=lanes, lighting=lighting)
+        got = plainly.render(scene, camera, size, technique, lanes=lanes, lighting=lighting, **options)
         assert want.stats["layers_max"] >= 8
         against_sort(got, want, judge, f"{technique} {options} {lighting}")
 
@@ -72,10 +73,10 @@ def test_any_scene_as_sort(seed: int, count: int, places: int, size: tuple[int, 
     faces = np.concatenate([soup.faces, soup.faces[: count // 3]])
     rgba = np.random.default_rng(seed).integers(0, 256, (len(faces), 4), dtype=np.uint8)
     scene = clpeel.Scene.from_arrays(vertices, faces, face_colors=rgba)
-    want = clpeel.render(scene, BENCH.camera(), size, lanes=1)
+    want = plainly.render(scene, BENCH.camera(), size, lanes=1)
     for lanes in (1, 64):
         for technique, options in (*EACH, ("multi-layer-peeling", {"layers_per_pass": m})):
-            got = clpeel.render(scene, BENCH.camera(), size, technique, lanes=lanes, **options)
+            got = plainly.render(scene, BENCH.camera(), size, technique, lanes=lanes, **options)
             if (rgba[:, 3] == 255).any():  # behind an opaque layer nothing is peeled
                 got = dataclasses.replace(got, stats=dataclasses.replace(got.stats, layers_max=want.stats.layers_max))
             against_sort(got, want, judge, f"{technique} {options} on {lanes} lanes")
@@ -86,18 +87,18 @@ def test_the_passes_that_the_papers_count(technique: str, options: dict[str, Any
     rng = np.random.default_rng(5)
     for layers in (*range(1, 65), 100, 300):
         soup = soups.stack(rng.permutation(np.linspace(1, 7, layers)), rng.random((layers, 4)) * [1, 1, 1, 0.05])
-        got = clpeel.render(soup.scene(), AHEAD.camera(), (3, 2), technique, lanes=lanes, **options)
+        got = plainly.render(soup.scene(), AHEAD.camera(), (3, 2), technique, lanes=lanes, **options)
         assert got.stats["passes"] == passes_of(technique, layers, options), layers
         assert got.stats["passes_issued"] == len(got.stats["samples_passed"]) == got.stats["passes"] + 1
         assert got.stats["samples_passed"][-1] == 0 < got.stats["samples_passed"][-2]
-        against_sort(got, clpeel.render(soup.scene(), AHEAD.camera(), (3, 2), lanes=lanes), judge, f"{layers} layers")
+        against_sort(got, plainly.render(soup.scene(), AHEAD.camera(), (3, 2), lanes=lanes), judge, f"{layers} layers")
 
 
 @pytest.mark.parametrize(("technique", "options"), ALL)
 def test_nothing_to_peel(technique: str, options: dict[str, Any], lanes: int) -> None:
     away = clpeel.Camera((0, 0, 4), (0, 0, 8))
     soup = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5))
-    result = clpeel.render(soup.scene(), away, (20, 20), technique, lanes=lanes, **options)
+    result = plainly.render(soup.scene(), away, (20, 20), technique, lanes=lanes, **options)
     assert not result.color.any() and (result.image == 255).all()
     assert result.stats["passes"] == passes_of(technique, 0, options) and result.stats["passes_issued"] == 1
     assert result.stats["layers_max"] == result.stats["fragments"] == 0
@@ -108,16 +109,16 @@ def test_coincident_fragments(technique: str, options: dict[str, Any], lanes: in
     # EXTREMES 7: the same triangle k times. Kept: c (1 - (1 - a)^k); by depth alone: a c.
     k, alpha, rgb = 5, 0.25, np.array([0.5, 1.0, 0.25])
     soup = soups.stack([2.0] * k, (*rgb, alpha))
-    kept = clpeel.render(soup.scene(), AHEAD.camera(), (9, 7), technique, lanes=lanes, **options)
-    paper = clpeel.render(soup.scene(), AHEAD.camera(), (9, 7), technique, lanes=lanes, coincident="paper", **options)
+    kept = plainly.render(soup.scene(), AHEAD.camera(), (9, 7), technique, lanes=lanes, **options)
+    paper = plainly.render(soup.scene(), AHEAD.camera(), (9, 7), technique, lanes=lanes, coincident="paper", **options)
     assert np.abs(kept.color - np.r_[rgb, 1] * (1 - (1 - alpha) ** k)).max() <= 3 * k * UNIT
     assert (paper.color == np.r_[rgb, 1].astype(np.float32) * np.float32(alpha)).all()
     assert kept.stats["passes"] == passes_of(technique, k, options)
     assert paper.stats["passes"] == passes_of(technique, 1, options)
     # EXTREMES 8: of different colours the first submitted is in front, and alone with the papers' comparison.
     two = soups.stack([2.0, 2.0, 3.0], [(1, 0, 0, 0.5), (0, 1, 0, 0.5), (0, 0, 1, 0.5)]).scene()
-    kept = clpeel.render(two, AHEAD.camera(), (9, 7), technique, lanes=lanes, **options)
-    paper = clpeel.render(two, AHEAD.camera(), (9, 7), technique, lanes=lanes, coincident="paper", **options)
+    kept = plainly.render(two, AHEAD.camera(), (9, 7), technique, lanes=lanes, **options)
+    paper = plainly.render(two, AHEAD.camera(), (9, 7), technique, lanes=lanes, coincident="paper", **options)
     assert (kept.color == [0.5, 0.25, 0.125, 0.875]).all()
     assert (paper.color == [0.5, 0, 0.25, 0.75]).all()
 
@@ -128,8 +129,8 @@ def test_stopping_early(technique: str, options: dict[str, Any], limit: int, lan
     """What is hidden is counted, bounded, and not the foremost layer."""
     soup, size = soups.random(67, 120, "large", alpha=(0.2, 0.7)), (60, 40)
     scene, camera = soup.scene(), BENCH.camera()
-    whole = clpeel.render(scene, camera, size, lanes=lanes)
-    got = clpeel.render(scene, camera, size, technique, lanes=lanes, passes=limit, **options)
+    whole = plainly.render(scene, camera, size, lanes=lanes)
+    got = plainly.render(scene, camera, size, technique, lanes=lanes, passes=limit, **options)
     twin, excused, _ = judge.weigh(soup, BENCH, size)
     peeled = limit * (2 if technique == "dual-depth-peeling" else options.get("layers_per_pass", 1))
     deepest = whole.stats["layers_max"]
@@ -143,7 +144,7 @@ def test_stopping_early(technique: str, options: dict[str, Any], limit: int, lan
     assert error.max() <= got.stats["truncation_bound"] + off
     assert (error <= off)[(twin.layers <= peeled) & ~excused].all()
     # The foremost layer: nothing is left of it where all others are made invisible.
-    first = clpeel.render(scene, camera, size, "depth-peeling", lanes=lanes, passes=1)
+    first = plainly.render(scene, camera, size, "depth-peeling", lanes=lanes, passes=1)
     assert (got.color[..., 3] >= first.color[..., 3] - off).all()
 
 
@@ -151,8 +152,8 @@ def test_stopping_early(technique: str, options: dict[str, Any], limit: int, lan
 def test_without_occlusion_queries_all_passes_are_made(technique: str, options: dict[str, Any], lanes: int) -> None:
     scene = soups.stack([1.0, 2.0, 3.0], (1.0, 0.5, 0.25, 0.5)).scene()
     call = {"camera": AHEAD.camera(), "size": (5, 5), "technique": technique, "lanes": lanes, **options}
-    want = clpeel.render(scene, **call)
-    got = clpeel.render(scene, occlusion_query=False, passes=9, **call)
+    want = plainly.render(scene, **call)
+    got = plainly.render(scene, occlusion_query=False, passes=9, **call)
     first = TECHNIQUES[technique].least_passes
     assert (got.color == want.color).all()
     assert got.stats["passes_issued"] == 9 + first and got.stats["passes"] == want.stats["passes"]
@@ -166,7 +167,7 @@ def test_peeling_stops_behind_an_opaque_layer(technique: str, options: dict[str,
     colors = np.r_[[[0.25, 0.5, 1.0, 1.0]], np.random.default_rng(0).random((60, 4)) * [1, 1, 1, 0.5]]
     scene = soups.stack(np.linspace(1, 7, 61), colors).scene()
     call = {"camera": AHEAD.camera(), "size": (4, 4), "technique": technique, "lanes": lanes, **options}
-    first, blend = (clpeel.render(scene, opaque=opaque, **call) for opaque in ("first", "blend"))
+    first, blend = (plainly.render(scene, opaque=opaque, **call) for opaque in ("first", "blend"))
     dual = technique == "dual-depth-peeling"
     assert first.stats["passes"] == (1 if dual else 0) and blend.stats["passes"] == (2 if dual else 1)
     assert first.stats["fragments"] == 0 and blend.stats["fragments"] == 61 * 16
@@ -194,7 +195,7 @@ def test_peeling_stops_behind_an_opaque_layer(technique: str, options: dict[str,
 def test_what_cannot_be_is_refused(technique: str, options: dict[str, Any], message: str) -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match=message):
-        clpeel.render(scene, AHEAD.camera(), (4, 4), technique, **options)
+        plainly.render(scene, AHEAD.camera(), (4, 4), technique, **options)
 
 
 @pytest.mark.parametrize("name", ["dragon", "boxes", "grass"])
@@ -208,7 +209,7 @@ def test_real_scenes(
     order = np.random.default_rng(7).permutation(len(scene.faces))
     colors = None if scene.face_colors is None else scene.face_colors[order]
     shuffled = dataclasses.replace(scene, faces=scene.faces[order], face_colors=colors)
-    want = clpeel.render(scene, camera, (200, 160))
+    want = plainly.render(scene, camera, (200, 160))
     for some in (scene, shuffled):
-        got = clpeel.render(some, camera, (200, 160), technique, lanes=lanes, **options)
+        got = plainly.render(some, camera, (200, 160), technique, lanes=lanes, **options)
         against_sort(got, want, judge, f"{technique} {options}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import soups
 from twins.reference import UNIT
@@ -46,7 +47,7 @@ def test_order_is_depth_then_submission(places: int, arrival: str, lanes: int, j
             distances = np.sort(distances) if arrival == "sorted" else -np.sort(-distances)
         # One more behind everything, fully transparent, so that a count of 0 is a scene too.
         soup = soups.stack(np.append(distances, 7.5), np.concatenate([colors, np.zeros((1, 4), np.float32)]))
-        result = clpeel.render(soup.scene(), AHEAD.camera(), size=(3, 3), lanes=lanes, technique="sort")
+        result = plainly.render(soup.scene(), AHEAD.camera(), size=(3, 3), lanes=lanes, technique="sort")
         order = np.argsort(distances, kind="stable")
         assert result.stats["layers_max"] == count + 1
         judge.color(result, over(colors[order]), (3 * count + 7) * UNIT, f"{count} layers")
@@ -64,7 +65,7 @@ def test_pixels_of_a_tile_have_lengths_of_their_own(lanes: int, judge: Judge) ->
     corners[..., 2] = depth[:, None]
     colors = rng.random((count, 4)).astype(np.float32) * np.array([1, 1, 1, 0.2], np.float32)
     view = soups.pixel_view(10)
-    result = clpeel.render(soups.separate(corners, colors).scene(), view.camera(), size=(width, 10), lanes=lanes)
+    result = plainly.render(soups.separate(corners, colors).scene(), view.camera(), size=(width, 10), lanes=lanes)
     for column in range(width):
         here = np.flatnonzero(left <= column + 0.5 - width / 2)
         want = over(colors[here[np.argsort(-depth[here])]])
@@ -83,9 +84,9 @@ def test_windows_within_a_tile_change_nothing(colors: str, lanes: int, judge: Ju
     if colors == "vertex":
         soup = soups.Soup(soup.vertices, soup.faces, vertex_colors=np.repeat(painted, 3, axis=0))
     scene, size = soup.scene(), (16, 16)
-    plenty = clpeel.render(scene, AHEAD.camera(), size=size, lanes=lanes, memory="256M")
+    plenty = plainly.render(scene, AHEAD.camera(), size=size, lanes=lanes, memory="256M")
     assert plenty.stats["fragments"] == count * TILE_PIXELS > 2**20 / 8, "fits a window"
-    tight = clpeel.render(scene, AHEAD.camera(), size=size, lanes=lanes, memory="1M")
+    tight = plainly.render(scene, AHEAD.camera(), size=size, lanes=lanes, memory="1M")
     judge.same_bits(tight, plenty)
     assert tight.stats["fragments"] == plenty.stats["fragments"]
     assert tight.stats["layers_max"] == plenty.stats["layers_max"] == count
@@ -97,7 +98,7 @@ def test_near_n_log_n(lanes: int) -> None:
     for count in (8192, 131_072):
         distances = np.random.default_rng(count).uniform(1, 7, count)
         soup = soups.stack(distances, (0.5, 0.5, 0.5, 1e-4))
-        renderer = clpeel.Renderer(soup.scene(), lanes=lanes)
+        renderer = plainly.Renderer(soup.scene(), lanes=lanes)
         times = [renderer.render(AHEAD.camera(), size=(1, 1)).stats["seconds"]["sort"] for _ in range(3)]
         seconds.append(min(times))
     assert seconds[1] < 80 * seconds[0]
@@ -105,7 +106,7 @@ def test_near_n_log_n(lanes: int) -> None:
 
 def test_what_it_reports(lanes: int) -> None:
     soup = soups.stack([1.0, 2.0, 3.0], (1.0, 1.0, 1.0, 0.5))
-    stats = clpeel.render(soup.scene(), AHEAD.camera(), size=(20, 10), lanes=lanes, technique="sort").stats
+    stats = plainly.render(soup.scene(), AHEAD.camera(), size=(20, 10), lanes=lanes, technique="sort").stats
     assert stats["technique"] == "sort" and stats["passes"] == 1 and stats["passes_issued"] >= 1
     assert stats["fragments"] == 600 and stats["samples_passed"] == [600] and stats["layers_max"] == 3
     assert stats["discarded"] == 0 and stats["truncated_pixels"] == 0
@@ -116,12 +117,12 @@ def test_what_it_reports(lanes: int) -> None:
 
 def test_it_is_the_default() -> None:
     soup = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5))
-    assert clpeel.render(soup.scene(), AHEAD.camera(), size=(2, 2)).stats["technique"] == "sort"
+    assert plainly.render(soup.scene(), AHEAD.camera(), size=(2, 2)).stats["technique"] == "sort"
 
 
 def test_unknown_techniques_and_options() -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match="sort.*'sorted'"):
-        clpeel.render(scene, AHEAD.camera(), size=(2, 2), technique="sorted")
+        plainly.render(scene, AHEAD.camera(), size=(2, 2), technique="sorted")
     with pytest.raises(clpeel.InputError, match="passes: the technique 'sort' has no such option; it has camera"):
-        clpeel.render(scene, AHEAD.camera(), size=(2, 2), passes=3)
+        plainly.render(scene, AHEAD.camera(), size=(2, 2), passes=3)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,7 +31,7 @@ PARALLEL = replace(BENCH, orthographic=True)
 
 def render(soup: Soup, view: Eye, size: tuple[int, int], variant: str = "exact", **options: Any) -> clpeel.Result:
     """clpeel's thickness of a soup."""
-    return clpeel.render(soup.scene(), view.camera(), size, "thickness", variant=variant, **options)
+    return plainly.render(soup.scene(), view.camera(), size, "thickness", variant=variant, **options)
 
 
 def against_rays(soup: Soup, view: Eye, size: tuple[int, int], lanes: int, projected: bool = False) -> Rays:
@@ -196,7 +197,7 @@ def test_a_solid_cut_by_the_near_plane_is_open(lanes: int) -> None:
 def test_bunny(model: Any) -> None:
     scene = clpeel.load(model("bunny.ply"))
     camera = clpeel.Camera.frame(scene)
-    maps = {name: clpeel.render(scene, camera, (200, 200), "thickness", variant=name) for name in VARIANTS}
+    maps = {name: plainly.render(scene, camera, (200, 200), "thickness", variant=name) for name in VARIANTS}
     unpaired = maps["exact"].unpaired
     assert 0 < unpaired.sum() < 2000  # it has holes in its base
     total, exact = (maps[name].thickness.astype(float) for name in ("total", "exact"))
@@ -321,7 +322,7 @@ def test_ticks_are_round(low: float, high: float, want: list[float]) -> None:
 def test_nothing_in_view(lanes: int) -> None:
     for variant in VARIANTS:
         away = clpeel.Camera((0, 0, 4), (0, 0, 8))
-        result = clpeel.render(ball().scene(), away, (200, 150), "thickness", lanes=lanes, variant=variant)
+        result = plainly.render(ball().scene(), away, (200, 150), "thickness", lanes=lanes, variant=variant)
         assert not result.thickness.any() and not result.unpaired.any() and not result.color.any()
         assert result.thickness.dtype == np.float32 and result.unpaired.dtype == np.bool_
         assert result.stats["thickness_range"] == [0, 1]
@@ -342,7 +343,7 @@ def test_unlit_or_lit_opaque_or_not_is_all_the_same() -> None:
     for alpha in (0.0, 0.5, 1.0):
         for lighting in ("none", "headlight"):
             scene = clpeel.Scene.from_arrays(solid.vertices, solid.faces, color=(1.0, 0.5, 0.2, alpha))
-            maps.append(clpeel.render(scene, BENCH.camera(), (50, 40), "thickness", lighting=lighting).thickness)
+            maps.append(plainly.render(scene, BENCH.camera(), (50, 40), "thickness", lighting=lighting).thickness)
     assert all((found == maps[0]).all() for found in maps[1:]) and maps[0].max() > 1.9
 
 
@@ -371,12 +372,12 @@ def test_what_it_reports(lanes: int) -> None:
 )
 def test_what_cannot_be_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(clpeel.InputError, match=message) as error:
-        clpeel.render(ball().scene(), BENCH.camera(), (4, 4), "thickness", **options)
+        plainly.render(ball().scene(), BENCH.camera(), (4, 4), "thickness", **options)
     assert "\n" not in str(error.value)
 
 
 def test_other_techniques_have_no_thickness() -> None:
-    result = clpeel.render(ball().scene(), BENCH.camera(), (4, 4))
+    result = plainly.render(ball().scene(), BENCH.camera(), (4, 4))
     with pytest.raises(clpeel.InputError, match=r"thickness: .* map \(thickness, translucency\), got 'sort'"):
         _ = result.thickness
     with pytest.raises(clpeel.InputError, match="unpaired: expected a result"):

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import soups
 from twins.reference import UNIT
@@ -36,7 +37,7 @@ def formula(surface: Any, through: Any, light: Any = LIGHT_COLOR, shading: Any =
 
 def render(soup: Soup, view: Eye, size: tuple[int, int], variant: str = "exact", **options: Any) -> clpeel.Result:
     """clpeel's picture of a soup."""
-    return clpeel.render(soup.scene(), view.camera(), size, "translucency", variant=variant, **options)
+    return plainly.render(soup.scene(), view.camera(), size, "translucency", variant=variant, **options)
 
 
 @pytest.mark.parametrize(("colors", "orthographic"), [("flat", False), ("vertex", True)])
@@ -50,14 +51,14 @@ def test_the_formula(variant: str, colors: str, orthographic: bool, lanes: int, 
     result = render(soup, view, size, variant, lanes=lanes, sigma=sigma, light_color=light)
     rays = Rays(soup, view, size)
     opaque = replace(soup, **{name: with_alpha_1(getattr(soup, name)) for name in ("face_colors", "vertex_colors")})
-    foremost = clpeel.render(opaque.scene(), view.camera(), size, lanes=lanes).color
+    foremost = plainly.render(opaque.scene(), view.camera(), size, lanes=lanes).color
     excused = rays.excused(variant) | judge.ties(rays.twin)
     want = formula(foremost[..., :3], np.exp(-sigma * rays.thickness[variant]), light)
     want = np.concatenate([want, np.ones((40, 50, 1))], -1) * rays.covered[..., None]
     bound = ROUNDINGS + sigma * rays.bound[variant]
     judge.color(result, want, np.where(excused, np.inf, bound))
     # And exactly as thick as `thickness` says.
-    thickness = clpeel.render(soup.scene(), view.camera(), size, "thickness", variant=variant, lanes=lanes)
+    thickness = plainly.render(soup.scene(), view.camera(), size, "thickness", variant=variant, lanes=lanes)
     assert (result.thickness == thickness.thickness).all() and (result.unpaired == thickness.unpaired).all()
     exact = formula(foremost[..., :3], np.exp(-sigma * result.thickness.astype(float)), light)
     exact = np.concatenate([exact, np.ones((40, 50, 1))], -1) * rays.covered[..., None]
@@ -81,10 +82,10 @@ def test_the_light_at_the_camera(variant: str, lanes: int) -> None:
     solid = ball(subdivisions=3)
     for alpha in (1.0, 0.25):
         scene = clpeel.Scene.from_arrays(solid.vertices, solid.faces, color=(1.0, 0.5, 0.25, 1.0))
-        lit = clpeel.render(scene, BENCH.camera(), (40, 40), lighting="headlight", lanes=lanes).color
+        lit = plainly.render(scene, BENCH.camera(), (40, 40), lighting="headlight", lanes=lanes).color
         scene = clpeel.Scene.from_arrays(solid.vertices, solid.faces, color=(1.0, 0.5, 0.25, alpha))
         dark, bright = (
-            clpeel.render(
+            plainly.render(
                 scene,
                 BENCH.camera(),
                 (40, 40),
@@ -186,7 +187,7 @@ def test_more_layers_than_are_held_at_once(lanes: int) -> None:
 
 def test_nothing_in_view(lanes: int) -> None:
     away = clpeel.Camera((0, 0, 4), (0, 0, 8))
-    result = clpeel.render(ball().scene(), away, (20, 20), "translucency", lanes=lanes)
+    result = plainly.render(ball().scene(), away, (20, 20), "translucency", lanes=lanes)
     assert not result.color.any() and (result.image == 255).all() and not result.thickness.any()
 
 
@@ -204,13 +205,13 @@ def test_nothing_in_view(lanes: int) -> None:
 )
 def test_what_cannot_be_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(clpeel.InputError, match=message) as error:
-        clpeel.render(ball().scene(), BENCH.camera(), (4, 4), "translucency", **options)
+        plainly.render(ball().scene(), BENCH.camera(), (4, 4), "translucency", **options)
     assert "\n" not in str(error.value)
 
 
 def test_bunny(model: Any) -> None:
     scene = clpeel.load(model("bunny.ply"))
-    lit = clpeel.render(scene, size=(150, 150), technique="translucency", lighting="headlight")
+    lit = plainly.render(scene, size=(150, 150), technique="translucency", lighting="headlight")
     # Its ears and edges are brighter than its body.
     thin, thick = (lit.thickness > 0) & (lit.thickness < 0.02), lit.thickness > 0.06
     brightness = lit.color[..., :3].mean(axis=2)

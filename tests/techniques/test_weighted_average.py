@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import plainly
 import pytest
 from twins import soups
 from twins.reference import UNIT
@@ -29,7 +30,7 @@ def render(colors: np.ndarray, lanes: int = 1, **options: str) -> np.ndarray:
     """One pixel's premultiplied colour with these layers, opaque ones too, in random order of distance."""
     away = np.random.default_rng(0).permutation(np.linspace(1, 7, len(colors)))
     scene = soups.stack(away, np.asarray(colors, np.float32)).scene()
-    result = clpeel.render(scene, AHEAD.camera(), (5, 3), "weighted-average", lanes=lanes, opaque="blend", **options)
+    result = plainly.render(scene, AHEAD.camera(), (5, 3), "weighted-average", lanes=lanes, opaque="blend", **options)
     assert (result.color == result.color[0, 0]).all()
     return result.color[0, 0].astype(float)
 
@@ -47,7 +48,7 @@ def test_the_formula_of_the_paper(count: int, alpha: float, lanes: int) -> None:
 def test_against_the_twin(lanes: int, judge: Judge) -> None:
     soup, size = soups.random(7, 200, "mixed", "flat8"), (60, 50)
     twin, excused, _ = judge.weigh(soup, BENCH, size)
-    result = clpeel.render(soup.scene(), BENCH.camera(), size, "weighted-average", lanes=lanes)
+    result = plainly.render(soup.scene(), BENCH.camera(), size, "weighted-average", lanes=lanes)
     straight = twin.projected.colors[twin.triangle][:, 0]
     want = np.zeros((size[0] * size[1], 4))
     for pixel in np.unique(twin.pixel):
@@ -83,7 +84,7 @@ def test_the_same_bits_on_both_shapes(judge: Judge) -> None:
     for technique in ("weighted-average", "weighted-sum"):
         for precision in ("float32", "half"):
             one, other = (
-                clpeel.render(soup.scene(), BENCH.camera(), (60, 40), technique, lanes=n, precision=precision)
+                plainly.render(soup.scene(), BENCH.camera(), (60, 40), technique, lanes=n, precision=precision)
                 for n in (1, 64)
             )
             judge.same_bits(one, other, f"{technique} {precision}")
@@ -94,12 +95,12 @@ def test_half_sums_stick(alpha: float, sticks: float, lanes: int) -> None:
     """EXTREMES 14: where half a step of the sum is more than what is added, and float32 does not."""
     scene = soups.stack(np.linspace(1, 7, 5000), (1.0, 0.0, 0.0, alpha)).scene()
     call = {"camera": AHEAD.camera(), "size": (2, 2), "technique": "weighted-sum", "lanes": lanes, "opaque": "blend"}
-    assert (clpeel.render(scene, precision="half", **call).color[..., 0] == sticks).all()
+    assert (plainly.render(scene, precision="half", **call).color[..., 0] == sticks).all()
     exact = 5000 * float(np.float32(alpha))
-    assert abs(clpeel.render(scene, precision="float32", **call).color[0, 0, 0] - exact) <= 5000 * UNIT * exact
+    assert abs(plainly.render(scene, precision="float32", **call).color[0, 0, 0] - exact) <= 5000 * UNIT * exact
     # The average counts its layers in such a buffer, too: to 2048.
     call["technique"] = "weighted-average"
-    got = clpeel.render(scene, precision="half", **call).color[0, 0]
+    got = plainly.render(scene, precision="half", **call).color[0, 0]
     assert got[[0, 3]] == pytest.approx(1 - (1 - sticks / 2048) ** 2048, abs=4 * UNIT)
 
 
@@ -136,4 +137,4 @@ def test_half_is_that_of_numpy() -> None:
 def test_a_precision_there_is_not() -> None:
     scene = soups.stack([1.0], (1.0, 1.0, 1.0, 0.5)).scene()
     with pytest.raises(clpeel.InputError, match="precision: expected one of float32, half, unorm8; got 'double'"):
-        clpeel.render(scene, AHEAD.camera(), (2, 2), "weighted-average", precision="double")
+        plainly.render(scene, AHEAD.camera(), (2, 2), "weighted-average", precision="double")

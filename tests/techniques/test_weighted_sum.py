@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import plainly
 import pytest
 from twins import soups
 from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH
 
-import clpeel
 from clpeel.device.layout import RUN_MAX
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def test_the_sum_of_the_paper(count: int, lanes: int, judge: Judge) -> None:
     rng = np.random.default_rng(count)
     colors = rng.random((count + 1, 4)).astype(np.float32)
     soup = soups.stack(rng.uniform(1, 7, count + 1), colors)
-    result = clpeel.render(soup.scene(), AHEAD.camera(), size=(5, 3), lanes=lanes, technique="weighted-sum")
+    result = plainly.render(soup.scene(), AHEAD.camera(), size=(5, 3), lanes=lanes, technique="weighted-sum")
     straight = colors.astype(float)
     want = np.r_[(straight[:, :3] * straight[:, 3:]).sum(axis=0), straight[:, 3].sum()]
     # A product and as many sums as layers, and 1 - (1 - sum) where alpha is read from the transmittance.
@@ -36,7 +36,7 @@ def test_the_sum_of_the_paper(count: int, lanes: int, judge: Judge) -> None:
 def test_against_the_twin(colors: str, lanes: int, judge: Judge) -> None:
     soup, size = soups.random(7, 200, "mixed", colors, alpha=(0.02, 0.1)), (60, 50)
     twin, excused, _ = judge.weigh(soup, BENCH, size)
-    result = clpeel.render(soup.scene(), BENCH.camera(), size=size, lanes=lanes, technique="weighted-sum")
+    result = plainly.render(soup.scene(), BENCH.camera(), size=size, lanes=lanes, technique="weighted-sum")
     straight = twin.projected.colors[twin.triangle][:, 0]  # flat: that of any corner
     want = np.zeros((size[1] * size[0], 4))
     np.add.at(want, twin.pixel, np.c_[straight[..., :3] * straight[..., 3:], straight[..., 3:]])
@@ -49,7 +49,7 @@ def test_against_the_twin(colors: str, lanes: int, judge: Judge) -> None:
 def test_alphas_beyond_one_are_clamped_and_counted(lanes: int) -> None:
     background = (0.25, 0.5, 1.0)
     soup = soups.stack([1.0, 2.0, 3.0], (0.125, 0.25, 0.25, 0.5))
-    result = clpeel.render(
+    result = plainly.render(
         soup.scene(), AHEAD.camera(), size=(20, 10), lanes=lanes, technique="weighted-sum", background=background
     )
     # C + C0 (1 - 1.5): the sum is 3 x 0.5 x the colour.
@@ -58,7 +58,7 @@ def test_alphas_beyond_one_are_clamped_and_counted(lanes: int) -> None:
     assert (result.color == np.r_[1.5 * np.array([0.125, 0.25, 0.25]), 1.5].astype(np.float32)).all()
     assert (result.image[..., :3] == (np.clip(want, 0, 1) * 255 + 0.5).astype(np.uint8)).all()
     assert result.stats["clamped_pixels"] == 200
-    exact = clpeel.render(soup.scene(), AHEAD.camera(), size=(20, 10), lanes=lanes)
+    exact = plainly.render(soup.scene(), AHEAD.camera(), size=(20, 10), lanes=lanes)
     assert exact.stats["clamped_pixels"] == 0
 
 
@@ -67,7 +67,7 @@ def test_colours_that_vary(lanes: int, judge: Judge) -> None:
     corners, faces = np.array([[-1.0, -1, 0], [1, -1, 0.5], [0, 1, -0.5]]), np.array([[0, 1, 2]])
     soup = soups.Soup(corners, faces, vertex_colors=np.random.default_rng(3).random((3, 4)))
     both = [
-        clpeel.render(soup.scene(), BENCH.camera(), size=(40, 30), lanes=lanes, technique=name, lighting="headlight")
+        plainly.render(soup.scene(), BENCH.camera(), size=(40, 30), lanes=lanes, technique=name, lighting="headlight")
         for name in ("sort", "weighted-sum")
     ]
     assert both[0].stats["fragments"] > 20
@@ -78,7 +78,7 @@ def test_the_same_bits_with_any_lanes_and_memory(judge: Judge) -> None:
     soup = soups.stack(np.random.default_rng(2).uniform(1, 7, 900), (0.3, 0.6, 0.9, 0.001))
     scene = soup.scene()
     runs = [
-        clpeel.render(scene, AHEAD.camera(), size=(16, 16), lanes=lanes, memory=memory, technique="weighted-sum")
+        plainly.render(scene, AHEAD.camera(), size=(16, 16), lanes=lanes, memory=memory, technique="weighted-sum")
         for lanes in (1, 64)
         for memory in ("256M", "1M")
     ]
@@ -88,7 +88,7 @@ def test_the_same_bits_with_any_lanes_and_memory(judge: Judge) -> None:
 
 def test_what_it_reports(lanes: int) -> None:
     soup = soups.stack([1.0, 2.0, 3.0], (1.0, 1.0, 1.0, 0.25))
-    stats = clpeel.render(soup.scene(), AHEAD.camera(), (20, 10), "weighted-sum", lanes=lanes).stats
+    stats = plainly.render(soup.scene(), AHEAD.camera(), (20, 10), "weighted-sum", lanes=lanes).stats
     assert stats["technique"] == "weighted-sum" and stats["passes"] == 1
     assert stats["fragments"] == 600 and stats["samples_passed"] == [600] and stats["layers_max"] == 3
     assert stats["seconds"]["weighted-sum"] > 0 and stats["bytes_per_pixel"] > 0

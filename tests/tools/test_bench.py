@@ -14,13 +14,12 @@ from typing import Any
 
 import bench as tool
 import numpy as np
+import plainly
 import pytest
 from benchmark import figures, makers, report
 from benchmark.figures import FIGURES, Figure
 from benchmark.runs import QUICK, SCENES, Bench, Failed, Settings, Skipped, ratio, run, spread, target
 from twins.soups import Soup
-
-import clpeel
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENT = f"# Title\n\nabove\n\n{report.BEGIN}\n\nold\n\n{report.END}\n\nbelow\n"
@@ -225,7 +224,7 @@ def test_a_textured_scene_has_the_fragments_of_the_plain_one(shared_devices: Non
     [texture] = [material.texture for material in textured.materials]
     assert texture is not None and texture.image.shape == (512, 512, 4)
     assert textured.surfaces == "transparent" and not textured.kinds.routed.any()
-    ours, theirs = (clpeel.Renderer(scene).render(makers.CAMERA, (96, 96), layers=True) for scene in (plain, textured))
+    ours, theirs = (plainly.Renderer(scene).render(makers.CAMERA, (96, 96), layers=True) for scene in (plain, textured))
     assert ours.stats.fragments == theirs.stats.fragments > 1000
     assert np.array_equal(ours.color[..., 3], theirs.color[..., 3])
     assert not np.array_equal(ours.image, theirs.image)

@@ -11,6 +11,7 @@ from typing import Any
 
 import contact_sheet as tool
 import numpy as np
+import plainly
 import pytest
 from PIL import Image
 from sheets import programs
@@ -142,7 +143,7 @@ def test_each_program_draws_the_file(squares: Path, tmp_path: Path, peers: Any) 
     cells = programs.sheet(view, tmp_path, sys.executable, dict(os.environ), said.append)
     assert [cell.label for cell in cells] == [f"clpeel {clpeel.__version__}", "PyVista 9", "f3d 9"]
     page = composed("", cells)
-    drawn = clpeel.render(clpeel.load(squares, opacity=0.5), size=(SIDE, SIDE), background=BACKGROUND).image
+    drawn = plainly.render(clpeel.load(squares, opacity=0.5), size=(SIDE, SIDE), background=BACKGROUND).image
     assert np.array_equal(np.asarray(cells[0].picture), drawn)
     assert cell_colors(page, 1) == [RED] and cell_colors(page, 2) == [BLUE]
     assert said == []

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import plainly
 import pytest
 
-import clpeel
 from twins import reference, soups
 from twins.soups import Eye, Soup
 
@@ -30,7 +30,7 @@ def test_against_dual_depth_peeling(name: str, alpha: int, tmp_path: Path, bench
     if done.returncode:
         pytest.skip(f"VTK cannot render here (libegl1?): {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
     theirs = np.load(out)[..., :3].astype(int)
-    result = clpeel.render(soup.scene(), BENCH.camera(), (SIZE, SIZE))
+    result = plainly.render(soup.scene(), BENCH.camera(), (SIZE, SIZE))
     off = np.abs(result.image[..., :3].astype(int) - theirs).max(axis=2)
     # Both snap to 1/256 pixel: edges are 1/512 from where they belong on either side. Spheres have edges of a pixel and
     # less everywhere, and there a face and its neighbour share a colour; silhouettes are what remains.

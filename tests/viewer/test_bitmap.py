@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
@@ -133,7 +134,7 @@ def test_at_rest_the_screen_shows_the_bits_of_render_beside_the_status(
     desk.key("x")  # so that the hint goes away
     frame = desk.rest()
     shown = desk.draw()
-    want = clpeel.render(scene, desk.viewer.view.camera, desk.canvas.get_physical_size(), lighting="kit").image
+    want = plainly.render(scene, desk.viewer.view.camera, desk.canvas.get_physical_size(), lighting="kit").image
     free = uncovered(desk, desk.frames[-1][1])
     assert frame.image.shape == want.shape == shown.shape and free.mean() > 0.5
     assert (shown[free] == want[free]).all() and (shown[~free] != want[~free]).any()
@@ -256,7 +257,7 @@ def test_s_in_the_middle_of_a_drag_saves_the_full_picture_of_that_view(
     desk.key("s")
     desk.send("pointer_move", 250, 150)
     desk.wait(lambda: "saved clpeel.png" in desk.said)
-    want = clpeel.render(scene, camera, SIZE, lighting="kit").image
+    want = plainly.render(scene, camera, SIZE, lighting="kit").image
     assert (np.asarray(Image.open(tmp_path / "clpeel.png")) == want[..., :3]).all()
 
 

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from PIL import Image
 
 import clpeel
 from clpeel.command import main as cli
-from clpeel.rendering.options import COMMAND_BACKGROUND
+from clpeel.rendering.options import BACKGROUND
 from clpeel.viewer.command_line import Source, command_line
 from clpeel.viewer.view import View
 
@@ -31,7 +32,7 @@ VIEWS: list[dict[str, Any]] = [
     {},
     {"background": None},
     {"background": ((0.1, 0.2, 1 / 3), (1.0, 0.5, 0.25))},
-    {"background": COMMAND_BACKGROUND},
+    {"background": BACKGROUND},
     {"background": (0.1, 0.2, 1 / 3), "lighting": "none"},
     {"opacity": 0.35},
     {"technique": "multi-layer-peeling", "options": {"layers_per_pass": 4, "passes": 1, "precision": "half"}},
@@ -41,6 +42,7 @@ VIEWS: list[dict[str, Any]] = [
         "technique": "depth-peeling",
         "options": {"execution": "passes", "depth_format": "unorm24", "coincident": "paper"},
     },
+    {"options": {"blending_space": "linear", "samples": 4}},
     {"shows": "layers", "technique": "weighted-sum"},
     {"camera": clpeel.Camera((1, 2, 4), (0, 0, 0), orthographic=True, clipping_range=(-1.5, 4.25))},
 ]
@@ -57,7 +59,7 @@ def test_it_makes_the_very_picture(given: dict[str, Any], shape: Path, tmp_path:
     if view.opacity is not None:
         scene = clpeel.load(scene, opacity=view.opacity)
     technique = "layer-count" if view.shows == "layers" else view.technique
-    image = clpeel.render(scene, view.camera, technique=technique, **view.keywords(technique)).image
+    image = plainly.render(scene, view.camera, technique=technique, **view.keywords(technique)).image
     assert (np.asarray(Image.open("picture.png").convert("RGBA")) == image).all()
 
 
@@ -71,7 +73,7 @@ def test_the_python_makes_the_very_picture(
     exec(command_line(view, None), {"clpeel": clpeel, "scene": scene})
     made = clpeel.load(scene, opacity=view.opacity) if view.opacity is not None else scene
     technique = "layer-count" if view.shows == "layers" else view.technique
-    image = clpeel.render(made, view.camera, technique=technique, **view.keywords(technique)).image
+    image = plainly.render(made, view.camera, technique=technique, **view.keywords(technique)).image
     assert (np.asarray(Image.open("picture.png").convert("RGBA")) == image).all()
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
@@ -189,7 +190,7 @@ def test_at_rest_a_notebook_gets_the_bits_of_render(
         page.key("x")
         shown = await page.rest()
         size = round(SIZE[0] * ratio), round(SIZE[1] * ratio)
-        want = clpeel.render(scene, page.viewer.view.camera, size, lighting="kit").image[..., :3]
+        want = plainly.render(scene, page.viewer.view.camera, size, lighting="kit").image[..., :3]
         free = uncovered(page, want.shape, ratio)
         assert shown.shape == want.shape
         assert (shown[free] == want[free]).all() and (shown[~free] != want[~free]).any()
@@ -316,7 +317,7 @@ def test_the_command_and_the_saved_file_are_told_below_the_picture(
         assert "&#x27;kit&#x27;" in page.said.value, "the text is not escaped"
         page.key("s")
         await page.wait(lambda: "saved clpeel.png" in page.said.value)
-        want = clpeel.render(scene, page.viewer.view.camera, SIZE, lighting="kit").image
+        want = plainly.render(scene, page.viewer.view.camera, SIZE, lighting="kit").image
         assert (np.asarray(Image.open("clpeel.png")) == want[..., :3]).all()
 
     played(play)
@@ -358,7 +359,7 @@ def decoded(data: bytes) -> NDArray[np.uint8]:
 
 
 def test_a_result_is_shown_as_its_picture(scene: clpeel.Scene) -> None:
-    result = clpeel.render(scene, size=(40, 30), background=None)
+    result = plainly.render(scene, size=(40, 30), background=None)
     assert (decoded(result._repr_png_()) == result.image).all()
 
 
@@ -385,7 +386,7 @@ def test_in_a_notebook_a_scene_is_a_live_widget_and_a_picture_where_no_widgets_a
     found = asyncio.run(show())
     assert found["text/plain"] == repr(scene)
     assert found["application/vnd.jupyter.widget-view+json"]["model_id"]
-    want = clpeel.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), notebook.SIZE, lighting="kit").image
+    want = plainly.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), notebook.SIZE, lighting="kit").image
     assert (decoded(base64.b64decode(found["image/png"])) == want[..., :3]).all()
 
 

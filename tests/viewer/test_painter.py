@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import plainly
 import pytest
 from twins import soups
 
@@ -82,7 +83,7 @@ def look() -> Iterator[Callable[..., tuple[Viewer, Screen]]]:
 def rendered(what: clpeel.Scene, view: View) -> np.ndarray:
     """What render makes of the view."""
     what = what if view.opacity is None else clpeel.load(what, opacity=view.opacity)
-    return clpeel.render(what, view.camera, technique=view.technique, **view.keywords()).image
+    return plainly.render(what, view.camera, technique=view.technique, **view.keywords()).image
 
 
 def key(viewer: Viewer, *keys: str) -> None:
@@ -224,13 +225,19 @@ def test_heat_maps_show_layers_and_errors(look: Any, samples: int) -> None:
     viewer, screen = look(technique="weighted-sum", options={"samples": samples})
     viewer.set("shows", "layers")
     frame, status = screen.wait(lambda frame, _: frame.full and frame.view.shows == "layers")
-    expected = clpeel.render(
+    expected = plainly.render(
         scene(), viewer.view.camera, technique="layer-count", **viewer.view.keywords("layer-count")
     )
     assert (frame.image == expected.image).all()
     viewer.set("shows", "error")
     frame, status = screen.wait(lambda frame, _: frame.full and frame.view.shows == "error")
     assert frame.errors is not None and frame.errors[0] > 0.1 and status["max_error"] == frame.errors[0]
+
+
+def test_the_heat_map_of_errors_blends_as_shown() -> None:
+    """The truth is made of layers, which are colours as they are shown."""
+    view = View(CAMERA, SIZE, options={"blending_space": "linear"})
+    assert error_map(plainly.Renderer(scene()), view, None).max_error < 1e-5
 
 
 def test_what_the_picture_lacks_is_a_note(look: Any) -> None:
@@ -270,11 +277,11 @@ def test_a_heavy_scene_is_drawn_coarser_while_the_hand_moves(look: Any, monkeypa
 def test_the_error_is_that_against_float64() -> None:
     layers = soups.stack([1.0, 2.0, 3.0], [[1, 0, 0, 0.5], [0, 1, 0, 0.5], [0, 0, 1, 0.5]]).scene()
     view = View(soups.AHEAD.camera(), (24, 16), "weighted-sum", background=(1.0, 1.0, 1.0), lighting="none")
-    found = error_map(clpeel.Renderer(layers), view, None)
+    found = error_map(plainly.Renderer(layers), view, None)
     right = np.array([0.5, 0.25, 0.125]) + 0.125  # blended in order over white
     wrong = np.clip(np.array([0.5, 0.5, 0.5]) + (1 - 1.5), 0, 1)  # the sum, and what it leaves of white
     assert found.max_error == pytest.approx(np.abs(right - wrong).max(), abs=1e-6)
-    exact = error_map(clpeel.Renderer(layers), View(view.camera, view.size, "depth-peeling", lighting="none"), None)
+    exact = error_map(plainly.Renderer(layers), View(view.camera, view.size, "depth-peeling", lighting="none"), None)
     assert exact.max_error < 1e-6 and not exact.image[..., :3].any()
 
 
@@ -290,15 +297,15 @@ def test_a_renderers_opacity_makes_the_bits_of_a_scene_with_it(lighting: Any, co
         base = clpeel.Scene.from_arrays(base.vertices, base.faces, vertex_colors=rng.random((36, 4)).astype(np.float32))
     if color == "one":
         base = clpeel.Scene.from_arrays(base.vertices, base.faces, color=(10, 200, 30, 90))
-    renderer = clpeel.Renderer(base, lanes=lanes)
+    renderer = plainly.Renderer(base, lanes=lanes)
     for opacity in (None, 0.4, 0.123, 1.0, 0.0, None):
         renderer.set_opacity(opacity)
         own = base if opacity is None else clpeel.load(base, opacity=opacity)
         image = renderer.render(CAMERA, (33, 21), lighting=lighting).image
-        assert (image == clpeel.render(own, CAMERA, (33, 21), lighting=lighting, lanes=lanes).image).all(), opacity
+        assert (image == plainly.render(own, CAMERA, (33, 21), lighting=lighting, lanes=lanes).image).all(), opacity
 
 
 @pytest.mark.parametrize("wrong", [-0.1, 1.5, float("nan"), "much"])
 def test_a_wrong_opacity_is_refused(wrong: Any) -> None:
     with pytest.raises(clpeel.InputError, match="opacity: expected a number 0..1"):
-        clpeel.Renderer(scene(2)).set_opacity(wrong)
+        plainly.Renderer(scene(2)).set_opacity(wrong)

@@ -13,6 +13,9 @@ import tracemalloc
 from collections.abc import Callable
 from typing import Any
 
+PLAIN: dict[str, Any] = {"background": (1.0, 1.0, 1.0), "lighting": "none", "samples": 1}
+"""What frames are measured with, unless a job says otherwise: as little as there is."""
+
 ENOUGH_SECONDS = 3.0
 """After this time no new frame begins. Long frames need no repetition to be timed well."""
 
@@ -82,7 +85,7 @@ def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> di
             result = None  # frees the memory of the previous picture
             renderer = renderers[str(job["scene"])]
             started = time.perf_counter()
-            result = renderer.render(camera, (job["size"], job["size"]), **job["options"])
+            result = renderer.render(camera, (job["size"], job["size"]), **{**PLAIN, **job["options"]})
             spent = time.perf_counter() - started
             if frame:
                 seconds[place].append(spent)
@@ -192,7 +195,7 @@ def camera(scene: list[Any], size: int, count: int) -> dict[str, Any]:
             tracemalloc.reset_peak()
             held = tracemalloc.get_traced_memory()[0]
         started = time.perf_counter()
-        result = renderer.render(view, (size, size))
+        result = renderer.render(view, (size, size), **PLAIN)
         spent = time.perf_counter() - started
         if traced:
             host_peak = max(host_peak, tracemalloc.get_traced_memory()[1] - held)

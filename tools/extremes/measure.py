@@ -13,6 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from benchmark.measure import PLAIN
 from benchmark.runs import SHARED, TOOLS
 from numpy.typing import NDArray
 
@@ -128,7 +129,7 @@ def error_of(technique: str, precision: PrecisionName, colors: Floats, device: s
     """
     away = np.linspace(1, 7, len(colors))
     result = clpeel.render(
-        stack(colors, away), VIEW, (1, 1), technique, device=device, precision=precision, opaque="blend"
+        stack(colors, away), VIEW, (1, 1), technique, device=device, precision=precision, opaque="blend", **PLAIN
     )
     want = own_truth(technique, colors)
     off = np.abs(result.color[0, 0].astype(np.float64) - want).max() / max(1.0, float(np.abs(want).max()))
@@ -187,7 +188,9 @@ def sums_of(alphas: Iterable[float], counts: Iterable[int], say: Report, device:
         found[f"{alpha:g}"] = {}
         for count in counts:
             scene = stack(np.tile([1.0, 1.0, 1.0, alpha], (count, 1)), np.linspace(1, 7, count))
-            result = clpeel.render(scene, VIEW, (1, 1), "weighted-sum", device=device, precision="half", opaque="blend")
+            result = clpeel.render(
+                scene, VIEW, (1, 1), "weighted-sum", device=device, precision="half", opaque="blend", **PLAIN
+            )
             found[f"{alpha:g}"][count] = float(result.color[0, 0, 0])
     return found
 
@@ -212,7 +215,7 @@ def tells_apart(separation: float, far: float, depth_format: DepthFormat, device
     rgba = np.repeat(np.array([[1, 0, 0, 0.5], [0, 1, 0, 0.5]], np.float32), 2, axis=0)
     scene = clpeel.Scene.from_arrays(corners, faces, face_colors=rgba)
     view = clpeel.Camera((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), view_angle=90.0, clipping_range=(NEAR, far))
-    result = clpeel.render(scene, view, (48, 32), device=device, depth_format=depth_format)
+    result = clpeel.render(scene, view, (48, 32), device=device, depth_format=depth_format, **PLAIN)
     if result.stats["fragments"] != 2 * 48 * 32:
         raise RuntimeError(f"expected two surfaces in every pixel, got {result.stats['fragments']} fragments")
     return bool((result.color[..., 1] == 0.5).all())
@@ -288,7 +291,7 @@ def edges_moved(
             view_angle=math.degrees(2 * math.atan(0.25)),
             clipping_range=(DETAIL, 3 * DETAIL),
         )
-        pictures.append(clpeel.render(scene, view, (size, size), device=device).color[..., 3])
+        pictures.append(clpeel.render(scene, view, (size, size), device=device, **PLAIN).color[..., 3])
     around = corners.reshape(6, 3, 3)
     length = float(np.linalg.norm(around - np.roll(around, 1, axis=1), axis=2).sum()) / DETAIL
     least = pixel * pixel / length
@@ -385,7 +388,7 @@ def in_8_bits(
     renderer = clpeel.Renderer(scene, device)
     exact = [technique for technique, made in TECHNIQUES.items() if made.exact]
     say("float64")
-    layers = renderer.render(camera, (size, size), exact[0], layers=True).layers
+    layers = renderer.render(camera, (size, size), exact[0], **PLAIN, layers=True).layers
     color = true_colors(layers)
     over = np.clip(color[..., :3] + (1 - color[..., 3:]), 0, 1)
     truth = np.floor(over * STEPS + 0.5).astype(np.uint8)
@@ -394,7 +397,7 @@ def in_8_bits(
     for technique in exact:
         for precision in own_precisions(technique):
             say(series_name(technique, precision))
-            image = renderer.render(camera, (size, size), technique, precision=precision).image
+            image = renderer.render(camera, (size, size), technique, **PLAIN, precision=precision).image
             found[series_name(technique, precision)] = steps_off(image, truth, covered)
     say(PEER)
     theirs = peers_picture(folder, name, size)
