@@ -53,7 +53,7 @@ def from_vtk(source: Any) -> Scene:
 def _scene(data: Any, notes: list[str]) -> Scene | None:
     """Return the scene of a vtkPolyData with its own colours, or None if it draws nothing. Adds notes."""
     tint, scalars = own_tint(data, notes)
-    if tint == Tint() and scalars is not None:
+    if tint.points is None and tint.cells is None and scalars is not None:
         notes.append(f"scalars {scalars!r} left out: they are numbers, not colours")
     return scene_of(data, tint)
 
