@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
     from clpeel.errors import NoDeviceError as NoDeviceError
+    from clpeel.pictures.colormaps import ColorMap as ColorMap
     from clpeel.pictures.layers import Layers as Layers
     from clpeel.pictures.layers import load_layers as load_layers
     from clpeel.reading.from_pyvista import from_pyvista as from_pyvista
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from clpeel.scene.camera import Camera as Camera
     from clpeel.scene.grid import grid as grid
     from clpeel.scene.materials import Material as Material
+    from clpeel.scene.scalars import with_scalars as with_scalars
     from clpeel.scene.scene import Scene as Scene
     from clpeel.scene.textures import Texture as Texture
     from clpeel.study.compare import compare as compare
@@ -39,6 +41,7 @@ __version__ = VERSION
 _HOMES = {
     "Camera": "clpeel.scene.camera",
     "ClpeelError": "clpeel.errors",
+    "ColorMap": "clpeel.pictures.colormaps",
     "Comparison": "clpeel.study.comparison",
     "Complexity": "clpeel.study.complexity",
     "InputError": "clpeel.errors",
@@ -61,6 +64,7 @@ _HOMES = {
     "render": "clpeel.rendering.renderer",
     "view": "clpeel.viewer.open",
     "warm_up": "clpeel.rendering.warm_up",
+    "with_scalars": "clpeel.scene.scalars",
 }
 
 __all__ = ["__version__", *_HOMES]

@@ -47,7 +47,7 @@ def examples(page: Path) -> list[tuple[str, str]]:
     return re.findall(marked, page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("page", ["materials.md", "lines.md", "edges.md"])
+@pytest.mark.parametrize("page", ["materials.md", "lines.md", "edges.md", "scalars.md"])
 def test_the_example_of_a_page_draws_its_picture(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     [(picture, code)] = examples(DOCS / page)
     monkeypatch.chdir(tmp_path)

@@ -15,7 +15,7 @@ ROOT = ("errors", "checks", "color", "options", "files", "version")
 
 STAIRS: dict[str, tuple[str, ...]] = {
     "root": (),
-    "scene": (),
+    "scene": ("pictures.colormaps",),
     "pictures": (),
     "reading": ("scene",),
     "device": (),
@@ -26,7 +26,10 @@ STAIRS: dict[str, tuple[str, ...]] = {
     "viewer": ("scene", "pictures", "techniques", "rendering", "study"),
     "command": ("scene", "pictures", "reading", "device", "stages", "techniques", "rendering", "study", "viewer"),
 }
-"""What each package may import besides the root and itself. Nothing here runs up."""
+"""What each package may import besides the root and itself. Nothing here runs up.
+
+A scene's colours may come from a colour map, which pictures show a scale of.
+"""
 
 INSIDE_FUNCTIONS = {
     "techniques": ("scene", "pictures"),

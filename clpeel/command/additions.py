@@ -1,4 +1,4 @@
-"""Additions: what a picture shows besides its scene, the ground grid and the axes, as the command's options ask."""
+"""Additions: what a picture shows besides its scene, as the command's options ask: ground grid, axes, scale bars."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ class Additions:
 
     grid: bool = False
     axis: bool = False
+    bar: bool = False
     unit: float | None = None
     color: object = None
     up: Vector = AXES["Y"]
@@ -29,22 +30,25 @@ class Additions:
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> Additions:
-        """Return what the options ask for. Raises InputError if options of the grid are given without it.
+        """Return what the options ask for. Raises InputError if an option is given without the one that it needs.
 
-        The picture of a map shows numbers. A grid would change them, and the corner may be the scale bar's.
+        The picture of a map shows numbers. A grid would change them, and the corner may be the map's own scale bar's.
         """
         for name in ("grid_unit", "grid_color"):
             if getattr(options, name) is not None and not options.grid:
                 raise InputError(f"--{name.replace('_', '-')}: expected --grid with it, got none")
-        found = cls(options.grid, options.axis, options.grid_unit, options.grid_color, options.up or AXES["Y"])
-        given = [f"--{name}" for name in ("grid", "axis") if getattr(found, name)]
+        if options.bar and getattr(options, "coloring_array", None) is None:
+            raise InputError("--bar: expected --coloring-array with it, got none")
+        up = options.up or AXES["Y"]
+        found = cls(options.grid, options.axis, options.bar, options.grid_unit, options.grid_color, up)
+        given = [f"--{name}" for name in ("grid", "axis", "bar") if getattr(found, name)]
 
         from clpeel.techniques import AUTO, technique
 
         if not given or options.technique == AUTO or not technique(options.technique).maps:
             return found
         left_out = f"{' and '.join(given)} left out: the picture of {options.technique} is a map"
-        return replace(found, grid=False, axis=False, notes=(left_out,))
+        return replace(found, grid=False, axis=False, bar=False, notes=(left_out,))
 
     def around(self, scene: Scene) -> Scene:
         """Return the scene with its grid. Cameras are made for the scene without it, as the grid is larger."""
@@ -55,6 +59,7 @@ class Additions:
 
         return joined([scene, grid(scene, self.up, self.unit, self.color)])
 
-    def over(self, result: Result, camera: Camera, options: argparse.Namespace) -> Result:
-        """Return the result with the axes over its picture. options: those of the device."""
-        return result.with_axis(camera, options.device, options.lanes) if self.axis else result
+    def over(self, result: Result, scene: Scene, camera: Camera, options: argparse.Namespace) -> Result:
+        """Return the result with the axes and the scene's scale bars over its picture. options: those of the device."""
+        found = result.with_axis(camera, options.device, options.lanes) if self.axis else result
+        return found.with_bar(*scene.color_maps) if self.bar else found

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from clpeel.checks import AXES
+from clpeel.command.coloring import given_coloring
 from clpeel.command.values import Vector
 from clpeel.errors import InputError
 
@@ -86,12 +87,19 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
 
 
 def load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
-    """Return a function that reads the named files, and a name for them."""
+    """Return a function that reads the named files, and a name for them. Raises InputError if an option is wrong."""
+    coloring = given_coloring(options)
 
     def load() -> Scene:
         import clpeel
 
-        extra = {"drop_duplicates": True} if options.drop_duplicates else {}
+        scene = read()
+        return scene if coloring is None else clpeel.with_scalars(scene, **coloring)
+
+    def read() -> Scene:
+        import clpeel
+
+        extra: dict[str, Any] = {"drop_duplicates": True} if options.drop_duplicates else {}
         moment = {name: getattr(options, name) for name in MOMENT if getattr(options, name) is not None}
         opacities, colors = options.opacity or [None], options.color or [None]
         if len(opacities) == len(colors) == 1:

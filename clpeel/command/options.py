@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Literal
 
 from clpeel.command import values
+from clpeel.command.coloring import add_coloring_options
 from clpeel.options import Option, options_of
 from clpeel.rendering.options import BACKGROUND, SAMPLES, PictureOptions
 from clpeel.techniques import TECHNIQUES, AutoOptions
@@ -34,6 +35,7 @@ def add_files(parser: argparse.ArgumentParser, done: str, none: Literal["+", "*"
     group.add_argument("--animation-index", type=values.index, metavar="N", help=text)
     text = "show this moment of it (default: its start)"
     group.add_argument("--animation-time", type=values.number, metavar="SECONDS", help=text)
+    add_coloring_options(parser)
 
 
 def _add_output(group: argparse._ArgumentGroup, output: str, metavar: str, text: str) -> None:
@@ -53,6 +55,7 @@ def add_picture_options(
     add("--grid-unit", type=values.positive, metavar="SIZE", help=text)
     add("--grid-color", type=values.color, metavar="COLOR", help="with --grid: colour of its lines (default: a grey)")
     add("--axis", action="store_true", help="the axes X, Y and Z in the lower right corner")
+    add("--bar", action="store_true", help="with --coloring-array: a scale bar beside the model")
 
 
 def add_layers_options(parser: argparse.ArgumentParser) -> None:

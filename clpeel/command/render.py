@@ -166,7 +166,8 @@ def lighting_for(options: argparse.Namespace, scene: Scene | None) -> Lighting:
 
 def _given(options: argparse.Namespace, layers: bool, scene: Scene | None = None) -> dict[str, Any]:
     """Return the options of `given_options`, and what the command needs of the result."""
-    return {**given_options(options, scene), "keep_color": False, **({"layers": True} if layers else {})}
+    keep = getattr(options, "bar", False)  # a scale bar is drawn where the picture has no colour
+    return {**given_options(options, scene), "keep_color": keep, **({"layers": True} if layers else {})}
 
 
 def _check_request(options: argparse.Namespace, layers: bool) -> None:
@@ -205,7 +206,7 @@ def _result(
         progress=progress if progress.enabled else None,
         **_given(options, layers, scene),
     )
-    return additions.over(result, camera, options)
+    return additions.over(result, scene, camera, options)
 
 
 def _write_result(

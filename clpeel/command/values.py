@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 
 from clpeel.checks import AXES, MAX_SIDE, checked_background, named_view
+from clpeel.color import parse_color
 from clpeel.errors import InputError
 from clpeel.options import read_color, read_count, read_numbers, read_share
 
@@ -80,6 +81,47 @@ def direction(text: str) -> Vector:
             f"expected an axis such as +Y or -Z, or X,Y,Z not all zero, got '{text}'"
         ) from None
     return x, y, z
+
+
+def number_range(text: str) -> tuple[float, float]:
+    """Read two numbers, of which the first is less."""
+    try:
+        low, high = read_numbers(text)
+        if not low < high:
+            raise ValueError(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected LOW,HIGH (two numbers, LOW < HIGH), got '{text}'") from None
+    return low, high
+
+
+def component(text: str) -> int:
+    """Read a whole number of 0 or more, or -1."""
+    return -1 if text == "-1" else index(text)
+
+
+def colormap(text: str) -> object:
+    """Read the name of a colour map, or colours with colons between them."""
+    if ":" not in text:
+        return text
+    return [any_color(part) for part in text.split(":")]
+
+
+def opacity_map(text: str) -> object:
+    """Read the name of a transfer function, or numbers 0..1 with commas between them."""
+    if not re.match(r"[-+.0-9]", text):
+        return text
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a name, or numbers 0..1 such as 0,0.2,1, got '{text}'") from None
+
+
+def any_color(text: str) -> object:
+    """Read a colour, which may have an alpha."""
+    try:
+        return parse_color(text, alpha=True)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def clipping_range(text: str) -> tuple[float, float]:

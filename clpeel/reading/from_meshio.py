@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from clpeel.errors import InputError
 from clpeel.reading.colors import colors_among
 from clpeel.reading.corners import fans
-from clpeel.reading.marks import chains, marks, together
-from clpeel.scene.arrays import AnyArray, Colors
+from clpeel.reading.geometry import Geometry, Tint
+from clpeel.reading.marks import chains, together
+from clpeel.scene.arrays import AnyArray
 from clpeel.scene.scene import Scene
 
 _SIDES: dict[str, tuple[tuple[int, ...], ...]] = {
@@ -59,13 +60,12 @@ def from_meshio(mesh: Any) -> Scene:
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise InputError(f"expected points of 2 or 3 coordinates, got {list(points.shape)}")
     points = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
-    colors = colors_among(dict(mesh.point_data), None, notes)
-    of_cells = None
-    if colors is None:
-        stacked = {name: stack for name, parts in mesh.cell_data.items() if (stack := _stacked(parts)) is not None}
-        of_cells = colors_among(stacked, None, notes)
+    stacked = {name: stack for name, parts in mesh.cell_data.items() if (stack := _stacked(parts)) is not None}
+    colors, of_points = colors_among(dict(mesh.point_data), None, notes)
+    cell_colors, of_cells = colors_among(stacked, None, notes)
     found = _sorted(mesh.cells, notes)
-    scene = together(_scenes(points, found, colors, of_cells))
+    tint = Tint(colors, cell_colors if colors is None else None, None, of_points, of_cells)
+    scene = together(_scenes(points, found, tint))
     if scene is None:
         raise InputError("expected triangles, lines or points, got none in the meshio mesh; the mesh is empty")
     return replace(scene, notes=(*scene.notes, *notes))
@@ -74,7 +74,7 @@ def from_meshio(mesh: Any) -> Scene:
 def _stacked(parts: Sequence[Any]) -> AnyArray | None:
     """Return the values of all blocks of cells as one array, or None if they do not fit together."""
     arrays = [np.asarray(part) for part in parts]
-    fit = arrays and all(each.ndim == 2 and each.shape[1:] == arrays[0].shape[1:] for each in arrays)
+    fit = arrays and all(each.ndim == arrays[0].ndim > 0 and each.shape[1:] == arrays[0].shape[1:] for each in arrays)
     return np.concatenate(arrays) if fit else None
 
 
@@ -132,29 +132,20 @@ def _outside(sides: list[_Pieces]) -> list[_Pieces]:
     return found
 
 
-def _scenes(
-    points: AnyArray, found: dict[str, list[_Pieces]], colors: Colors | None, of_cells: Colors | None
-) -> list[Scene | None]:
-    """Return the scenes of faces, lines and points. colors: of points. of_cells: those of cells, if these have some."""
-    scenes = list[Scene | None]()
+def _scenes(points: AnyArray, found: dict[str, list[_Pieces]], tint: Tint) -> list[Scene | None]:
+    """Return the scenes of faces, lines and points. points: [n, 3]."""
+    geometry, scenes = Geometry(points, None, tint), list[Scene | None]()
     for kind, pieces in found.items():
-        if not pieces or not sum(len(each.counts) for each in pieces):
+        if not pieces:
             continue
         corners, counts, cells = (
             np.concatenate([getattr(each, name) for each in pieces]) for name in ("corners", "counts", "cells")
         )
         if kind == "faces":
             places, of_face = fans(counts)
-            own = None if of_cells is None else of_cells[cells[of_face]]
-            faces = corners[places]
-            if len(faces):
-                scenes.append(Scene.from_arrays(points, faces, face_colors=own, vertex_colors=colors, polygons=of_face))
-            continue
-        ends = corners[chains(counts)] if kind == "lines" else corners
-        if of_cells is None:
-            scenes.append(marks(points, **{kind: ends}, vertex_colors=colors))
+            scenes.append(geometry.faces(corners[places], cells[of_face], of_face))
+        elif kind == "lines":
+            scenes.append(geometry.marks(kind, corners[chains(counts)], cells))
         else:
-            own = np.repeat(of_cells[cells], ends[0].size, axis=0)
-            apart = np.arange(ends.size).reshape(ends.shape)
-            scenes.append(marks(points[ends.reshape(-1)], **{kind: apart}, vertex_colors=own))
+            scenes.append(geometry.marks(kind, corners, cells))
     return scenes

@@ -12,16 +12,17 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from types import NoneType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from clpeel import checks
 from clpeel.errors import InputError
-from clpeel.reading.companions import Companions
+from clpeel.reading.companions import Companions, named
 from clpeel.reading.from_trimesh import from_trimesh
 from clpeel.reading.libraries import LIBRARY_EXTENSIONS, read_by_library, require
+from clpeel.reading.losses import listed
 from clpeel.reading.obj import obj
 from clpeel.reading.objects import KNOWN, library_of, of_object
 from clpeel.reading.off import off
@@ -33,6 +34,8 @@ from clpeel.reading.words import one_line
 from clpeel.reading.xyz import XYZ, xyz
 from clpeel.scene.arrays import checked_color, checked_opacity
 from clpeel.scene.duplicates import duplicates
+from clpeel.scene.fields import names_of
+from clpeel.scene.scalars import NOT_SHOWN, Mapped, with_scalars
 from clpeel.scene.scene import Scene, joined, recolored, without_faces
 
 if TYPE_CHECKING:
@@ -49,11 +52,13 @@ _READERS: dict[str, Callable[[bytes, Companions], Scene]] = {"ply": ply, "stl": 
 
 def load(
     *sources: Any,
-    opacity: float | None = None,
+    opacity: float | str | ArrayLike | None = None,
     color: ArrayLike | None = None,
     drop_duplicates: bool = False,
     animation_index: int | None = None,
     animation_time: float | None = None,
+    scalars: str | ArrayLike | None = None,
+    **mapped: Unpack[Mapped],
 ) -> Scene:
     """Return one Scene from mesh files, meshes of other libraries, and Scenes. Several are joined in the order given.
 
@@ -74,17 +79,24 @@ def load(
     animation_index, from 0, and animation_time, in seconds, choose a moment of an animation in every glTF file. One of
     them alone means animation 0, or its start. Without both, meshes are in their pose at rest.
 
+    scalars: the name of an array that the files carry, such as a property of PLY or a field of PCD, or an array. The
+    scene is coloured by it, and then opacity may be more than a number: with_scalars, which has all other options.
+
     Raises InputError, one line that begins with the file's name, if a file is missing, unreadable, damaged, of an
     unknown type, without anything to draw, or requires a glTF extension that is not read, or if a glTF file has no such
     animation, or no source is a glTF file that could have one.
     """
     if not sources:
         raise InputError("load: expected at least one mesh file, trimesh object or Scene, got none")
-    given_opacity = None if opacity is None else checked_opacity(opacity)
+    if scalars is None and mapped:
+        raise InputError(f"{next(iter(mapped))}: expected scalars with it, got none")
+    given_opacity = None if opacity is None or scalars is not None else checked_opacity(opacity)
     given_color = None if color is None else checked_color("color", color)
     moment = _moment(sources, animation_index, animation_time)
     scene = _without_duplicates(joined([_opened(source, moment) for source in sources]), drop_duplicates)
-    return scene if color is None and opacity is None else recolored(scene, given_color, given_opacity)
+    if color is not None or given_opacity is not None:
+        scene = recolored(scene, given_color, given_opacity)
+    return _with_arrays_noted(scene) if scalars is None else with_scalars(scene, scalars, opacity=opacity, **mapped)
 
 
 _DUPLICATES = "duplicate faces"  # the note about duplicate faces begins like this
@@ -105,6 +117,14 @@ def _without_duplicates(scene: Scene, drop: bool) -> Scene:
         return replace(scene, notes=(*notes, advice))
     said = f"{_DUPLICATES}: {len(found):,} of {total:,} dropped"
     return replace(without_faces(scene, found), notes=(*notes, said))
+
+
+def _with_arrays_noted(scene: Scene) -> Scene:
+    """Return the scene with a note of its arrays, if none of them is shown, and without an older one."""
+    notes, names = [note for note in scene.notes if not note.startswith(NOT_SHOWN)], names_of(scene)
+    if names and not scene.color_maps:
+        notes.append(f"{NOT_SHOWN}{listed(map(named, names), 9)}; --coloring-array, or scalars, shows one")
+    return scene if tuple(notes) == scene.notes else replace(scene, notes=tuple(notes))
 
 
 def may_move(source: Any) -> bool:

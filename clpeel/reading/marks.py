@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,10 +18,11 @@ def marks(
     vertex_colors: Colors | None = None,
     vertex_normals: AnyArray | None = None,
     color: Colors | None = None,
+    arrays: Mapping[str, AnyArray] | None = None,
 ) -> Scene | None:
     """Return a scene of these lines [k, 2] and points [p] with the vertices that they use, or None if there are none.
 
-    The others are as in Scene.from_arrays, which checks them. Raises InputError.
+    arrays: by name, of the vertices. The others are as in Scene.from_arrays, which checks them. Raises InputError.
     """
     given = [np.asarray(each) for each in (lines, points) if each is not None and len(each)]
     if not given:
@@ -33,6 +35,7 @@ def marks(
         vertex_normals=vertex_normals,
         color=color,
     )
+    scene = replace(scene, vertex_arrays=dict(arrays or {}))
     used = scene.used
     if used.all():
         return scene
@@ -45,6 +48,7 @@ def marks(
         vertex_normals=None if scene.vertex_normals is None else scene.vertex_normals[used],
         lines=None if scene.lines is None else number[scene.lines],
         points=None if scene.points is None else number[scene.points],
+        vertex_arrays={name: array[used] for name, array in scene.vertex_arrays.items()},
     )
 
 

@@ -46,14 +46,13 @@ def pcd(data: bytes) -> Scene:
     if all(name in columns for name in _NORMAL):
         normals = np.stack([columns[name].astype(np.float32) for name in _NORMAL], axis=1)
         fields["vertex_normals"] = normals[there]
-    scene = marks(places[there], points=np.arange(len(there)), **fields)
+    shown = {*_PLACE, *_NORMAL, "rgb", "rgba", *_UNSEEN}
+    arrays = {name: column[there] for name, column in columns.items() if name not in shown}
+    scene = marks(places[there], points=np.arange(len(there)), arrays=arrays, **fields)
     assert scene is not None
     notes = list[str]()
     if len(there) < len(places):
         notes.append(f"{len(places) - len(there):,} point(s) without a place left out")
-    others = [n for n in columns if n not in (*_PLACE, *_NORMAL, "rgb", "rgba", "curvature") and n not in _UNSEEN]
-    if others:
-        notes.append(f"fields of points left out: {listed(map(named, others), 9)}")
     return replace(scene, notes=tuple(notes))
 
 

@@ -17,6 +17,7 @@ from clpeel.reading.marks import marks
 from clpeel.reading.ply_rows import NO_ROWS, Lists, Rows, read
 from clpeel.reading.strips import strip
 from clpeel.scene.arrays import DEFAULT_COLOR, AnyArray, Colors, alike
+from clpeel.scene.fields import with_arrays
 from clpeel.scene.materials import NO_MATERIAL, Material
 from clpeel.scene.scene import Scene, joined
 from clpeel.scene.textures import Texture
@@ -29,6 +30,9 @@ _COLORS = (
     ("diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"),
 )
 """The names that files use for a face's corners, for texture coordinates, and for colours."""
+
+_SHOWN = {"x", "y", "z", "nx", "ny", "nz", "texnumber"}.union(*_COORDINATES, *_COLORS)
+"""The properties that a picture shows anyway. All other numbers are arrays of the scene."""
 
 
 def ply(data: bytes, companions: Companions) -> Scene:
@@ -57,7 +61,8 @@ def ply(data: bytes, companions: Companions) -> Scene:
         raise InputError("expected triangles, lines or points, got none; the mesh is empty")
     alone = None if len(faces) or len(edges) else np.arange(vertex.count)
     normals = _columns(vertex, ("nx", "ny", "nz"))
-    drawn = marks(points, edges, alone, _rgba(vertex), normals)
+    of_vertices, of_faces = _arrays(vertex), _arrays(face)
+    drawn = marks(points, edges, alone, _rgba(vertex), normals, arrays=of_vertices)
     if not len(faces):
         assert drawn is not None
         return replace(drawn, notes=tuple(notes))
@@ -66,6 +71,9 @@ def ply(data: bytes, companions: Companions) -> Scene:
     last = int(of_face.max(initial=-1)) + 1
     of_polygon = np.append(of_face, last + np.arange(len(strips)))
     scene = Scene.from_arrays(points, faces, polygons=of_polygon, **fields)
+    scene = with_arrays(
+        scene, of_vertices, {name: _of_triangles(a, of_face, len(strips)) for name, a in of_faces.items()}
+    )
     if textures:
         scene = _textured(
             scene,
@@ -84,6 +92,17 @@ def _columns(rows: Rows, names: tuple[str, ...]) -> AnyArray | None:
     if not rows.count or not set(names) <= rows.scalars.keys():
         return None
     return np.stack([rows.scalars[name] for name in names], axis=1)
+
+
+def _arrays(rows: Rows) -> dict[str, AnyArray]:
+    """Return the numbers of each row that are neither places nor colours, by name."""
+    return {name: values for name, values in rows.scalars.items() if name not in _SHOWN}
+
+
+def _of_triangles(values: AnyArray, of_face: Places, strips: int) -> AnyArray:
+    """Return the numbers of the triangles that faces became, and behind them NaN for so many that are of strips."""
+    own = values[of_face]
+    return np.concatenate([own, np.full(strips, np.nan)]) if strips else own
 
 
 def _corners(face: Rows) -> Lists:
@@ -243,7 +262,7 @@ def _textured(
         uv=flat * [1, -1] + [0, 1],
         polygons=scene.polygons,
     )
-    return made
+    return with_arrays(made, {name: array[source] for name, array in scene.vertex_arrays.items()}, scene.face_arrays)
 
 
 def _material(name: str, companions: Companions, notes: list[str]) -> Material | None:

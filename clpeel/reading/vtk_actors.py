@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.errors import InputError
-from clpeel.reading.from_vtk import Tint, leaves, scene_of, surface
+from clpeel.reading.from_vtk import leaves, scene_of, surface
+from clpeel.reading.geometry import Tint
 from clpeel.reading.marks import marks, together
 from clpeel.reading.vtk_arrays import numbers
 from clpeel.scene.arrays import Colors, as_float

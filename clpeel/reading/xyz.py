@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,26 +27,33 @@ def xyz(data: bytes, extension: str) -> Scene:
     Each line has x, y and z, and in any order none, one or both of a colour (three numbers, 0..255 or 0..1) and a
     normal (three numbers, of length 1; in .xyzrgb files all are colours). Numbers are separated by spaces, commas or
     semicolons. What begins with # or // is a comment. A first line that begins with a word names the columns, and a
-    first line of one number is how many points follow; neither is needed.
+    first line of one number is how many points follow; neither is needed. All other numbers are arrays of the scene.
 
     Raises InputError if there are no points, or if the file is damaged.
     """
-    table = _table(_COMMENT.sub(b"", data.removeprefix(b"\xef\xbb\xbf")).translate(_SPACES))
+    table, names = _table(_COMMENT.sub(b"", data.removeprefix(b"\xef\xbb\xbf")).translate(_SPACES))
     fields, left = _fields(table[:, 3:], extension)
-    scene = marks(table[:, :3], points=np.arange(len(table)), **fields)
+    if len(names) != table.shape[1]:
+        names = [f"column {number}" for number in range(1, table.shape[1] + 1)]
+        names[3:4] = ["intensity"] if extension == "pts" else names[3:4]
+    arrays = {names[3 + column]: table[:, 3 + column] for column in left}
+    scene = marks(table[:, :3], points=np.arange(len(table)), arrays=arrays, **fields)
     assert scene is not None
-    notes = (f"{left} number(s) of each point left out: they are neither colours nor normals",) if left else ()
-    return replace(scene, notes=notes)
+    return scene
 
 
 _SPACES = bytes.maketrans(b",;", b"  ")
 
 
-def _table(data: bytes) -> NDArray[np.float64]:
-    """Return the numbers of all points, [p, columns]. Raises InputError if lines have different numbers of them."""
-    lines = Lines(data)
+def _table(data: bytes) -> tuple[NDArray[np.float64], list[str]]:
+    """Return the numbers of all points, [p, columns], and the names of the columns, if the file has some.
+
+    Raises InputError if lines have different numbers of them.
+    """
+    lines, names = Lines(data), list[str]()
     rows = np.flatnonzero(lines.counts)
     if len(rows) and (lines.counts[rows[0]] == 1 or _begins_with_a_word(lines, int(rows[0]))):
+        names = lines.text(rows[:1]).tobytes().decode("latin-1").split()
         rows = rows[1:]
     if not len(rows):
         raise InputError("expected points, got none; the file is empty")
@@ -58,7 +64,7 @@ def _table(data: bytes) -> NDArray[np.float64]:
         raise InputError(
             f"not a readable cloud: expected {first} numbers in each line, got {lines.counts[odd]} in line {odd + 1}"
         )
-    return lines.numbers(rows).reshape(len(rows), -1)
+    return lines.numbers(rows).reshape(len(rows), -1), names
 
 
 def _begins_with_a_word(lines: Lines, line: int) -> bool:
@@ -70,14 +76,14 @@ def _begins_with_a_word(lines: Lines, line: int) -> bool:
     return False
 
 
-def _fields(extra: NDArray[np.float64], extension: str) -> tuple[dict[str, Any], int]:
-    """Return colours and normals as Scene.from_arrays has them, and how many columns are neither.
+def _fields(extra: NDArray[np.float64], extension: str) -> tuple[dict[str, Any], list[int]]:
+    """Return colours and normals as Scene.from_arrays has them, and which columns are neither.
 
     extra: the columns behind x, y and z.
     """
     first = 1 if extension == "pts" and extra.shape[1] in (4, 7) else 0  # behind an intensity
     fields: dict[str, Any] = {}
-    used = 0
+    left = list(range(extra.shape[1]))
     for at in range(first, extra.shape[1] - 2, 3):
         three = extra[:, at : at + 3]
         if "vertex_normals" not in fields and extension != "xyzrgb" and _are_normals(three):
@@ -86,8 +92,8 @@ def _fields(extra: NDArray[np.float64], extension: str) -> tuple[dict[str, Any],
             fields["vertex_colors"] = colors
         else:
             continue
-        used += 3
-    return fields, extra.shape[1] - used
+        del left[left.index(at) : left.index(at) + 3]
+    return fields, left
 
 
 def _are_normals(three: NDArray[np.float64]) -> bool:

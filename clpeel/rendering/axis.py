@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.pictures.over import put_over
+from clpeel.pictures.scale_bar import Box
 from clpeel.rendering.renderer import render
 from clpeel.scene.axes import axes_scene
 from clpeel.scene.camera import Camera
@@ -44,3 +45,9 @@ def place_of(width: int, height: int) -> tuple[int, int, int]:
     side = max(min(width, height) // SHARE, LEAST_SIDE)
     margin = side // 10
     return width - side - margin, height - side - margin, side
+
+
+def box_of(width: int, height: int) -> Box:
+    """Return the part of a picture of this size that the axes take up."""
+    x, y, side = place_of(width, height)
+    return Box(x, y, side, side)

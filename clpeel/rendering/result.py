@@ -24,7 +24,9 @@ from clpeel.techniques import ERROR_BOUND, TECHNIQUES, with_map
 from clpeel.techniques.technique import opaque_bytes
 
 if TYPE_CHECKING:
+    from clpeel.pictures.colormaps import ColorMap
     from clpeel.pictures.layers import Layers
+    from clpeel.pictures.scale_bar import Box
     from clpeel.rendering.request import Request
     from clpeel.scene.camera import Camera
     from clpeel.stages.projection import Triangles
@@ -151,6 +153,9 @@ class Clock:
         return stages, kernels
 
 
+NO_BAR = "no scale bar {}in the picture: no place beside the model is free; a lower zoom or more pixels make room"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """A picture and what it took.
@@ -165,6 +170,7 @@ class Result:
     maps: dict[str, Map] = field(default_factory=dict)
     _layers: Layers | None = None
     _rounding: float = 0.0
+    _over: tuple[Box, ...] = ()
 
     if TYPE_CHECKING:
 
@@ -250,12 +256,39 @@ class Result:
         Nothing else changes. A picture with less than 96 pixels on a side is left as it is, and a note says so. device,
         lanes: as for `Renderer`.
         """
-        from clpeel.rendering.axis import with_axes  # it makes a picture, whose result this module has
+        from clpeel.rendering.axis import box_of, with_axes  # it makes a picture, whose result this module has
 
         found = with_axes(self.image, camera, device, lanes)
         if isinstance(found, str):
-            return replace(self, stats=replace(self.stats, notes=[*self.stats.notes, found]))
-        return replace(self, image=found)
+            return self._noted(found)
+        height, width = found.shape[:2]
+        return replace(self, image=found, _over=(*self._over, box_of(width, height)))
+
+    def with_bar(self, *colors: ColorMap) -> Result:
+        """The result with a scale bar of each of these colour maps in its image, such as those of `scene.color_maps`.
+
+        Bars lie where the image shows nothing but the background, in a corner if one is free. For that they get
+        smaller. Where no place is free a bar is left out, and a note says so. Nothing else changes.
+        Raises InputError if the result was rendered with keep_color=False.
+        """
+        from clpeel.pictures.scale_bar import draw_beside, scale_of
+
+        found, image = self, self.image.copy()
+        occupied = np.asarray(self.color[..., 3] > 0)
+        for part in self._over:
+            occupied[part.rows_and_columns] = True
+        for each in colors:
+            box = draw_beside(image, scale_of(each), occupied)
+            if box is None:
+                found = found._noted(NO_BAR.format(f"of {each.label!r} " if each.label else ""))
+                continue
+            occupied[box.rows_and_columns] = True
+            found = replace(found, _over=(*found._over, box))
+        return replace(found, image=image)
+
+    def _noted(self, note: str) -> Result:
+        """The result with one more note."""
+        return replace(self, stats=replace(self.stats, notes=[*self.stats.notes, note]))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the image as a PNG, whole or not at all. If path is a link, the file it points to is written.

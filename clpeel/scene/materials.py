@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,9 @@ from clpeel.checks import one_of
 from clpeel.errors import InputError
 from clpeel.scene.arrays import counted_alphas
 from clpeel.scene.textures import Texture, linear_color
+
+if TYPE_CHECKING:
+    from clpeel.pictures.colormaps import ColorMap
 
 AlphaMode = Literal["OPAQUE", "MASK", "BLEND"]
 ALPHA_MODES: tuple[AlphaMode, ...] = get_args(AlphaMode)
@@ -90,7 +93,8 @@ class Material:
     opacity: the alpha of what is left by OPAQUE and MASK; it multiplies the alpha of BLEND. unlit: whether lights leave
     the material as it is. rgb_of_scene, alpha_of_scene: whether red, green and blue of the scene's colours count, and
     their alpha. plain: the scene's colours are shown as they are, sRGB, and nothing but the finish counts. finish: how
-    the surface takes light; None for a matt one with a mild highlight.
+    the surface takes light; None for a matt one with a mild highlight. color_map: where its colours come from, if they
+    stand for numbers (scalars.py): scale bars show it.
 
     Raises InputError if a number or a word is none of these.
     """
@@ -106,6 +110,7 @@ class Material:
     alpha_of_scene: bool = True
     plain: bool = False
     finish: Finish | None = None
+    color_map: ColorMap | None = None
 
     def __post_init__(self) -> None:
         one_of("alpha_mode", self.alpha_mode, ALPHA_MODES)
@@ -236,7 +241,7 @@ def recolored_material(material: Material, rgb: tuple[float, ...] | None, opacit
             texture = None
         red, green, blue = rgb
         color = (red, green, blue, material.base_color[3])
-        material = replace(material, base_color=color, texture=texture, rgb_of_scene=False)
+        material = replace(material, base_color=color, texture=texture, rgb_of_scene=False, color_map=None)
     if opacity is not None:
         material = replace(material, opacity=opacity)
         if material.alpha_mode == "BLEND":

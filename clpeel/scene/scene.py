@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import zip_longest
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,9 @@ from clpeel.scene.arrays import (
 from clpeel.scene.lights import Lamp, checked_lights
 from clpeel.scene.materials import NO_MATERIAL, Material, Surfaces, checked_materials, recolored_material
 from clpeel.scene.textures import linear
+
+if TYPE_CHECKING:
+    from clpeel.pictures.colormaps import ColorMap
 
 _FAR_FROM_ORIGIN = 16.0  # in half diagonals; farther away, float32 spends four bits or more on the offset
 _SCALE_EXPONENT = 60  # outside 2**±60, products of a few coordinates could leave the range of float32
@@ -85,6 +88,8 @@ class Scene:
     lines: int32 [k, 2], indices into vertices, a line segment each. points: int32 [p], indices into vertices. Either is
     None if there are none. They are drawn behind the faces in submission order, lines first. They have no material, and
     the scene's colours as they are.
+    vertex_arrays, face_arrays: numbers by name that the picture does not show, until scalars.py makes colours of some:
+    [n] or [n, components]; and as many rows as face_colors has.
     notes: what the loader could not keep, one line each.
     """
 
@@ -103,6 +108,8 @@ class Scene:
     lights: tuple[Lamp, ...] = ()
     lines: NDArray[np.int32] | None = None
     points: NDArray[np.int32] | None = None
+    vertex_arrays: Mapping[str, AnyArray] = field(default_factory=dict)
+    face_arrays: Mapping[str, AnyArray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @staticmethod
@@ -325,6 +332,12 @@ class Scene:
         return np.array([*(material.plain for material in self.materials), True])[self.face_materials]
 
     @property
+    def color_maps(self) -> tuple[ColorMap, ...]:
+        """The colour maps that colours of faces come from, each once."""
+        maps = dict.fromkeys(material.color_map for material in self.materials)
+        return tuple(each for each in maps if each is not None)
+
+    @property
     def colors(self) -> Colors:
         """The one colour array that is set. Raises InputError if none is."""
         for colors in (self.face_colors, self.vertex_colors, self.color):
@@ -440,9 +453,29 @@ def joined(scenes: Sequence[Scene]) -> Scene:
         single_sided=single_sided,
         polygons=polygons,
         lights=tuple(light for scene in scenes for light in scene.lights),
+        vertex_arrays=_joined_arrays([scene.vertex_arrays for scene in scenes], [(count,) for count in counts]),
+        face_arrays=_joined_arrays([scene.face_arrays for scene in scenes], [scene.counts for scene in scenes]),
         notes=notes,
         **colors,
     )
+
+
+def _joined_arrays(arrays: Sequence[Mapping[str, AnyArray]], counts: Sequence[tuple[int, ...]]) -> dict[str, AnyArray]:
+    """Return the arrays of all scenes, NaN where a scene lacks one, or has another number of components.
+
+    counts: how many rows of each kind a scene has: of vertices alone, or of faces, lines and points.
+    """
+    found: dict[str, AnyArray] = {}
+    for name in dict.fromkeys(name for own in arrays for name in own):
+        shape = next(own[name].shape[1:] for own in arrays if name in own)
+        kinds = list[list[AnyArray]]()
+        for own, rows in zip(arrays, counts, strict=True):
+            array = own.get(name)
+            if array is None or array.shape[1:] != shape:
+                array = np.full((sum(rows), *shape), np.nan)
+            kinds.append(np.split(array, np.cumsum(rows)[:-1]))
+        found[name] = np.concatenate([part for kind in zip(*kinds, strict=True) for part in kind])
+    return found
 
 
 def _joined_marks(marks: Sequence[NDArray[np.int32] | None], starts: AnyArray) -> NDArray[np.int32] | None:
@@ -520,6 +553,7 @@ def with_vertex_colors(scene: Scene) -> Scene:
         vertex_normals=None if scene.vertex_normals is None else scene.vertex_normals[corners],
         uv=None if scene.uv is None else scene.uv[corners],
         more_uv=tuple(uv[corners] for uv in scene.more_uv),
+        vertex_arrays={name: array[corners] for name, array in scene.vertex_arrays.items()},
     )
 
 
@@ -534,15 +568,31 @@ def _with_marks(scene: Scene, lines: NDArray[np.int32] | None, points: NDArray[n
 
 def faces_alone(scene: Scene) -> Scene:
     """Return the scene without its lines and points. Its vertices stay."""
-    colors = None if scene.face_colors is None else scene.face_colors[: len(scene.faces)]
-    return replace(scene, lines=None, points=None, face_colors=colors)
+    count = len(scene.faces)
+    colors = None if scene.face_colors is None else scene.face_colors[:count]
+    arrays = {name: array[:count] for name, array in scene.face_arrays.items()}
+    return replace(scene, lines=None, points=None, face_colors=colors, face_arrays=arrays)
 
 
 def without_faces(scene: Scene, places: NDArray[Any]) -> Scene:
     """Return the scene without the faces at these places. Its vertices stay."""
-    names = ("faces", "face_colors", "face_materials", "single_sided", "polygons")
-    kept = {name: getattr(scene, name) for name in names if getattr(scene, name) is not None}
-    return replace(scene, **{name: np.delete(array, places, axis=0) for name, array in kept.items()})
+    kept = np.ones(sum(scene.counts), bool)
+    kept[: len(scene.faces)][places] = False
+    return with_part(scene, kept)
+
+
+def with_part(scene: Scene, kept: NDArray[np.bool_]) -> Scene:
+    """Return the scene with some of its faces, lines and points. Its vertices stay. kept: bool [m + k + p]."""
+    faces, lines, points = np.split(kept, np.cumsum(scene.counts[:2]))
+    rows = {"lines": lines, "points": points, "face_colors": kept}
+    rows |= dict.fromkeys(("faces", "face_materials", "single_sided", "polygons"), faces)
+    given = {name: getattr(scene, name) for name in rows if getattr(scene, name) is not None}
+    parts: dict[str, Any] = {name: array[rows[name]] for name, array in given.items()}
+    for name in ("lines", "points"):
+        if name in parts and not len(parts[name]):
+            parts[name] = None
+    parts["face_arrays"] = {name: array[kept] for name, array in scene.face_arrays.items()}
+    return replace(scene, **parts)
 
 
 # --- checks ---------------------------------------------------------------------------------------------------------

@@ -227,6 +227,7 @@ class _Bench:
             "size": picture.size,
             "background": picture.over,
             "lighting": picture.lighting,
+            "samples": 1,
             "opaque": picture.opaque,
             "memory": picture.memory,
             "line_width": picture.line_width,

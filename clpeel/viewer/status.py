@@ -12,7 +12,7 @@ from clpeel.rendering.result import left_out
 from clpeel.techniques import AUTO, TECHNIQUES, option_names, options_class
 from clpeel.viewer.controls import KEYS, OPTION_NAMES, SHOWN
 from clpeel.viewer.painter import Frame
-from clpeel.viewer.view import LIGHTINGS, View
+from clpeel.viewer.view import LIGHTINGS, SAMPLES, View
 
 Status = Mapping[str, Any]
 
@@ -41,7 +41,7 @@ def settings(view: View) -> dict[str, Any]:
     """Return the value of every setting. An option that is not set has its default; without one it is None."""
     # Those of glowscript come first and the technique's own last, as defaults differ.
     owners = (*reversed(all_options()), options_class(view.technique))
-    defaults = {each.name: each.default for owner in owners for each in options_of(owner)}
+    defaults = {each.name: each.default for owner in owners for each in options_of(owner)} | {"samples": SAMPLES}
     own = {name: view.options.get(name, defaults[name]) for name in OPTION_NAMES}
     return {
         "technique": view.technique,

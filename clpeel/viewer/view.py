@@ -8,13 +8,16 @@ from typing import Any, Literal
 
 from clpeel.checks import GivenBackground
 from clpeel.options import options_of
-from clpeel.rendering.options import BACKGROUND, Lighting, PictureOptions, Size
+from clpeel.rendering.options import Lighting, PictureOptions, Size
 from clpeel.rendering.request import checked_options
 from clpeel.scene.camera import Camera
 from clpeel.techniques import option_names
 
 LIGHTINGS: tuple[Lighting, ...] = ("kit", "headlight", "none")
 """What light there may be on any scene. A scene may have lights of its own besides."""
+
+SAMPLES = 1
+"""Samples a pixel of a view, unless its options say otherwise: frames count."""
 
 Shows = Literal["picture", "layers", "error"]
 """The picture, how many layers each pixel has, or how far each pixel is from the truth in float64."""
@@ -39,7 +42,7 @@ class View:
     size: Size
     technique: str = "sort"
     options: Mapping[str, object] = field(default_factory=dict)
-    background: GivenBackground = BACKGROUND
+    background: GivenBackground = (1.0, 1.0, 1.0)
     lighting: Lighting = "kit"
     opacity: float | None = None
     shows: Shows = "picture"
@@ -53,7 +56,7 @@ class View:
         """
         has = option_names(technique or self.technique)
         own = {name: value for name, value in self.options.items() if name in has or name in _OF_ALL}
-        return {"size": self.size, "background": self.background, "lighting": self.lighting, "samples": 1, **own}
+        return {"size": self.size, "background": self.background, "lighting": self.lighting, "samples": SAMPLES, **own}
 
     def check(self) -> None:
         """Raise InputError if the technique cannot draw with these options."""

@@ -77,6 +77,14 @@ def test_colors_are_found_among_points_and_cells() -> None:
     assert scene.face_colors[:, :3].tolist() == [[1, 2, 3], [1, 2, 3], [4, 5, 6]]
 
 
+def test_numbers_are_arrays_of_the_scene() -> None:
+    cells = [("quad", [[0, 1, 2, 3]]), ("line", [[4, 5]])]
+    data = {"t": np.arange(8.0), "c": np.zeros((8, 3), np.uint8)}
+    scene = clpeel.load(meshio.Mesh(CUBE, cells, point_data=data, cell_data={"part": [[7], [8]]}))
+    assert scene.vertex_arrays.keys() == {"t"} and scene.face_arrays["part"].tolist() == [7, 7, 8]
+    np.testing.assert_array_equal(scene.vertex_arrays["t"][scene.faces[0]], [0, 1, 2])
+
+
 def test_what_is_empty_or_unknown_is_refused_in_one_line() -> None:
     empty: list[Any] = [meshio.Mesh(np.zeros((0, 3)), []), meshio.Mesh(CUBE, [])]
     for mesh in empty:

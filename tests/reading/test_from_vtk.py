@@ -91,12 +91,23 @@ def test_colors_of_cells_follow_their_cells_of_every_kind() -> None:
     assert scene.points is not None and colors[scene.points][..., 0].tolist() == [1]
 
 
-def test_numbers_that_are_no_colors_are_named_if_vtk_would_color_by_them() -> None:
-    mesh = pv.Sphere()
-    assert clpeel.load(mesh).notes == ()
-    mesh["height"] = mesh.points[:, 2]
-    mesh.set_active_scalars("height")
-    assert clpeel.load(mesh).notes == ("scalars 'height' left out: they are numbers, not colours",)
+def test_numbers_are_arrays_of_the_scene_which_colors_can_be_made_of() -> None:
+    mesh = pv.PolyData(SQUARE, faces=[4, 0, 1, 2, 3], lines=[3, 0, 1, 2], verts=[1, 3])
+    assert clpeel.load(mesh).vertex_arrays == {}
+    mesh["height"] = np.arange(4.0)
+    mesh["own"] = np.full((4, 3), 9, np.uint8)
+    mesh.cell_data["kind"] = [10, 20, 30]
+    scene = clpeel.load(mesh)
+    assert scene.vertex_arrays.keys() == {"height"} and scene.face_arrays["kind"].tolist() == [30, 30, 20, 20, 10]
+    assert scene.vertex_arrays["height"][scene.faces].tolist() == scene_heights(scene)
+    assert clpeel.load(pv.Sphere()).vertex_arrays == {}  # whose normals are no such numbers
+    colored = clpeel.load(mesh, scalars="kind", cmap=["red", "lime", "blue"])
+    assert colored.colors[:, :3].tolist() == [[0, 0, 255]] * 2 + [[0, 255, 0]] * 2 + [[255, 0, 0]]
+
+
+def scene_heights(scene: clpeel.Scene) -> Any:
+    """The numbers of the corners of the square, by where these are."""
+    return [[float(SQUARE.index(place)) for place in face] for face in scene.vertices[scene.faces].tolist()]
 
 
 def test_floats_are_colors_by_their_name_and_are_cut_off_with_a_note() -> None:

@@ -182,7 +182,7 @@ def test_nodes_move_the_lines_of_gltf(tmp_path: Path) -> None:
 def test_text_clouds(tmp_path: Path, name: str, text: str, color: Any, normal: Any, left: int) -> None:
     scene = read(tmp_path, name, text)
     assert dots(scene) == [[1, 2, 3], [4, 5, 6]] and len(scene.notes) == (left > 0)
-    assert all(f"{left} number(s) of each point left out" in note for note in scene.notes)
+    assert len(scene.vertex_arrays) == left and all("arrays left out" in note for note in scene.notes)
     assert (scene.vertex_colors is None) == (color is None) and (scene.vertex_normals is None) == (normal is None)
     if color is not None:
         assert scene.vertex_colors is not None
@@ -288,7 +288,8 @@ def test_clouds_of_pcd(tmp_path: Path, form: str, color: str, kind: str) -> None
     assert scene.vertex_colors is not None and scene.vertex_normals is not None
     np.testing.assert_array_equal(scene.vertex_colors[:, : len(shifts)], wanted)
     assert (scene.vertex_normals == [0, 0, 1]).all()
-    assert scene.notes == ("fields of points left out: 'label', 'curve'",)
+    assert scene.notes == ("arrays left out: 'label', 'curve'; --coloring-array, or scalars, shows one",)
+    np.testing.assert_allclose(scene.vertex_arrays["curve"], rows["curve"], rtol=1e-6)
 
 
 def test_points_of_pcd_without_a_place_are_dropped_and_noted(tmp_path: Path) -> None:

@@ -147,8 +147,10 @@ def test_exact_techniques_draw_the_same_picture(lighting: Any) -> None:
     options: dict[str, Any] = {"line_width": 4, "point_size": 9, "lighting": lighting}
     wanted = plainly.render(scene, ABOVE, SIZE, lanes=1, **options)
     assert wanted.stats.layers_max > 3 and wanted.stats.opaque_samples > 100
-    for technique in EXACT:
-        ways = [(1, "tiles"), (64, "tiles")] + ([(1, "passes"), (64, "passes")] if "peeling" in technique else [])
+    for technique in EXACT if lighting == "none" else EXACT[:2]:  # lights are done with before fragments are sorted
+        ways = [(1, "tiles"), (64, "tiles")]
+        if "peeling" in technique and lighting == "none":
+            ways += [(1, "passes"), (64, "passes")]
         for lanes, execution in ways:
             got = plainly.render(scene, ABOVE, SIZE, technique, lanes=lanes, execution=execution, **options)
             np.testing.assert_array_equal(got.image, wanted.image)

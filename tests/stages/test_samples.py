@@ -125,8 +125,7 @@ GLASS = Material(base_color=(0.9, 0.3, 0.1, 0.4), alpha_mode="BLEND")
 MATERIALS = (HOLED, SOFT, WALL, GLASS)
 
 
-@pytest.mark.parametrize("samples", NUMBERS)
-@pytest.mark.parametrize("technique", ["sort", "depth-peeling"])
+@pytest.mark.parametrize(("technique", "samples"), [*(("sort", number) for number in NUMBERS), ("depth-peeling", 8)])
 def test_materials(technique: str, samples: int, judge: Judge) -> None:
     """One colour for all samples of a face in a pixel, at its centre or as near to it as the face comes.
 
@@ -151,8 +150,14 @@ def test_a_light_is_the_same_on_all_machines(judge: Judge) -> None:
     for samples in NUMBERS:
         call: dict[str, Any] = {"lighting": "headlight", "samples": samples}
         first = render(soup, BENCH, (50, 41), lanes=1, **call)
-        for lanes in (1, 16, 64, 128):
-            for technique in ("sort", "depth-peeling"):
+        for technique, lanes in [
+            ("sort", 16),
+            ("sort", 64),
+            ("sort", 128),
+            ("depth-peeling", 1),
+            ("depth-peeling", 64),
+        ]:
+            if technique == "sort" or samples == 8:
                 judge.same_bits(render(soup, BENCH, (50, 41), lanes=lanes, technique=technique, **call), first)
 
 
