@@ -22,7 +22,7 @@ from clpeel.scene.lights import Lamp
 from clpeel.scene.scene import Scene, joined
 
 _WORDS = {
-    "ScalarBarActor": "scalar bar",
+    "ScalarBarActor": "scalar bar (result.with_bar(*scene.color_maps) draws one)",
     "CornerAnnotation": "text",
     "TextActor": "text",
     "Text": "text",
@@ -191,7 +191,7 @@ def _lighting(renderer: Any, drawn: list[Drawn], camera: Camera) -> tuple[str, t
     if not any(each.lit for each in drawn):
         return "none", ()
     lights = list(renderer.GetLights())
-    simple = all(each.lit and not each.scene.materials for each in drawn)
+    simple = all(each.lit and not any(own.finish for own in each.scene.materials) for each in drawn)
     automatic = not lights and renderer.GetAutomaticLightCreation()  # VTK then adds a headlight
     if automatic or (simple and is_headlight(lights)):
         return "headlight", ()

@@ -10,14 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.errors import InputError
+from clpeel.pictures.colormaps import ColorMap
 from clpeel.reading.from_vtk import leaves, scene_of, surface
 from clpeel.reading.geometry import Tint
 from clpeel.reading.marks import marks, together
 from clpeel.reading.vtk_arrays import numbers
-from clpeel.scene.arrays import Colors, as_float
+from clpeel.reading.vtk_scalars import mapped_numbers
+from clpeel.scene.arrays import AnyArray, Colors, as_float
 from clpeel.scene.edges import edges_of
 from clpeel.scene.materials import Finish, Material
 from clpeel.scene.normals import with_normals
+from clpeel.scene.scalars import with_scalars
 from clpeel.scene.scene import Scene
 from clpeel.scene.textures import Minify, Texture, Wrap, linear
 
@@ -48,11 +51,12 @@ def drawn_by(actor: Any, matrix: NDArray[np.float64], notes: list[str]) -> Drawn
     if mapper is None:
         return None
     mapper.Update()
-    parts = [_part(data, tint, look, matrix) for data, tint in _tinted(mapper, look)]
+    gaussian = bool(mapper.IsA("vtkPointGaussianMapper"))
+    as_surface = not gaussian and look.GetRepresentation() not in (_POINTS, _WIREFRAME)
+    parts = [_part(data, tint, look, matrix) for data, tint in _tinted(mapper, look, as_surface)]
     scene = together(parts)
     if scene is None:
         return None
-    gaussian = bool(mapper.IsA("vtkPointGaussianMapper"))
     scene = _dressed(scene, actor, look, notes)
     scene = _represented(scene, _POINTS if gaussian else look.GetRepresentation())
     notes.extend(_lost(actor, mapper, look, gaussian))
@@ -91,8 +95,11 @@ def _lost(actor: Any, mapper: Any, look: Any, gaussian: bool) -> Iterator[str]:
 # --- colours ----------------------------------------------------------------------------------------------------------
 
 
-def _tinted(mapper: Any, look: Any) -> Iterator[tuple[Any, Tint]]:
-    """Yield the data that a mapper draws, as vtkPolyData, each with its colours."""
+def _tinted(mapper: Any, look: Any, as_surface: bool) -> Iterator[tuple[Any, Tint | _Numbers]]:
+    """Yield the data that a mapper draws, as vtkPolyData, each with its colours, or with the numbers for these.
+
+    as_surface: whether its faces are drawn, so that numbers can be looked up in between.
+    """
     attributes = (
         mapper.GetCompositeDataDisplayAttributes() if hasattr(mapper, "GetCompositeDataDisplayAttributes") else None
     )
@@ -107,8 +114,13 @@ def _tinted(mapper: Any, look: Any) -> Iterator[tuple[Any, Tint]]:
                 opacity = attributes.GetBlockOpacity(leaf)
         data = surface(leaf)
         own = attributes is not None and attributes.HasBlockColor(leaf)
+        plain = Tint(color=np.clip([*color, opacity], 0, 1).astype(np.float32))
+        looked_up = mapped_numbers(mapper, data) if as_surface and not own and data.GetNumberOfPolys() else None
+        if looked_up is not None:
+            yield data, _Numbers(*looked_up, opacity)
+            continue
         mapped = None if own else _mapped(mapper, data, opacity)
-        yield data, mapped or Tint(color=np.clip([*color, opacity], 0, 1).astype(np.float32))
+        yield data, mapped or plain
 
 
 def _mapped(mapper: Any, data: Any, opacity: float) -> Tint | None:
@@ -132,9 +144,29 @@ def _mapped(mapper: Any, data: Any, opacity: float) -> Tint | None:
     return Tint(cells=colors) if int(of_cells) else Tint(points=colors)
 
 
-def _part(data: Any, tint: Tint, look: Any, matrix: NDArray[np.float64]) -> Scene | None:
+@dataclass(frozen=True, eq=False)
+class _Numbers:
+    """The number of each point, its colour map, and the opacity of all."""
+
+    values: AnyArray
+    color_map: ColorMap
+    opacity: float
+
+    def scene(self, data: Any, matrix: NDArray[np.float64]) -> Scene | None:
+        """Return the scene of a vtkPolyData in the colours of these numbers, of each fragment by its own."""
+        white = np.array([1, 1, 1, np.clip(self.opacity, 0, 1)], np.float32)
+        scene = scene_of(data, Tint(color=white, of_points={_NUMBERS: self.values}), matrix)
+        if scene is None:
+            return None
+        return replace(with_scalars(scene, _NUMBERS, cmap=self.color_map), vertex_arrays={}, face_arrays={})
+
+
+_NUMBERS = "scalars"
+
+
+def _part(data: Any, tint: Tint | _Numbers, look: Any, matrix: NDArray[np.float64]) -> Scene | None:
     """Return the scene of a vtkPolyData, with the faces that culling leaves as one-sided ones."""
-    scene = scene_of(data, tint, matrix)
+    scene = scene_of(data, tint, matrix) if isinstance(tint, Tint) else tint.scene(data, matrix)
     if scene is None or not len(scene.faces):
         return scene
     if look.GetFrontfaceCulling():
@@ -157,6 +189,10 @@ def _dressed(scene: Scene, actor: Any, look: Any, notes: list[str]) -> Scene:
     if texture is not None and scene.uv is None:
         notes.append("texture left out: the mesh has no coordinates for it")
         texture = None
+    if scene.color_maps:
+        if texture is not None:
+            notes.append("texture left out: scalars say the colours of its mesh")
+        return replace(scene, materials=tuple(replace(each, finish=finish) for each in scene.materials))
     if texture is not None:
         return _with_material(as_linear(scene), Material(texture=texture, alpha_mode="BLEND", finish=finish))
     scene = replace(scene, uv=None)

@@ -56,22 +56,49 @@ def test_colors_and_opacity_are_those_of_the_property() -> None:
     np.testing.assert_allclose(scene.color, [0.2, 0.4, 0.6, 0.25], rtol=1e-6)
 
 
-@pytest.mark.parametrize("of", ["points", "cells"])
-def test_scalars_have_the_colors_of_the_lookup_table(of: str) -> None:
+def of_two_colors(of: str, before_map: bool = True, **options: Any) -> Any:
+    """A plotter of two squares whose points, or cells, count up and end with NaN, in two colours and a third."""
     plot, mesh = plots.plotter(), pv.Plane(i_resolution=2, j_resolution=1)
-    count = mesh.n_points if of == "points" else mesh.n_cells
-    values = np.arange(count, dtype=float)
+    values = np.arange(mesh.n_points if of == "points" else mesh.n_cells, dtype=float)
     values[-1] = math.nan
     mesh[of] = values
-    plot.add_mesh(mesh, scalars=of, cmap=["#ff0000", "#0000ff"], n_colors=2, nan_color="#00ff00", opacity=0.2)
-    scene, _, _ = clpeel.from_pyvista(plot)
-    colors = scene.vertex_colors if of == "points" else scene.face_colors
-    assert colors is not None and colors.dtype == np.uint8
-    red, blue, green = [255, 0, 0, 51], [0, 0, 255, 51], [0, 255, 0, 51]
-    if of == "cells":
-        assert colors.tolist() == [red, red, green, green]
-        return
-    assert colors[:6].tolist() == [red, red, blue, blue, blue, green]  # 0 to 4 in two halves
+    colors = {"cmap": ["#ff0000", "#0000ff"], "n_colors": 2, "nan_color": "#00ff00", "lighting": False}
+    plot.add_mesh(mesh, scalars=of, interpolate_before_map=before_map, show_scalar_bar=False, **colors, **options)
+    return plot
+
+
+RED, BLUE, GREEN = [255, 0, 0, 51], [0, 0, 255, 51], [0, 255, 0, 51]
+
+
+def test_scalars_of_cells_have_the_colors_of_the_lookup_table() -> None:
+    scene, _, _ = clpeel.from_pyvista(of_two_colors("cells", opacity=0.2))
+    assert scene.face_colors is not None and scene.face_colors.tolist() == [RED, RED, GREEN, GREEN]
+
+
+def test_scalars_that_are_mapped_at_the_points_have_their_colors_there() -> None:
+    scene, _, _ = clpeel.from_pyvista(of_two_colors("points", before_map=False, opacity=0.2))
+    assert scene.vertex_colors is not None  # 0 to 4 in two halves, then NaN
+    assert scene.vertex_colors.tolist() == [RED, RED, BLUE, BLUE, BLUE, GREEN]
+
+
+def test_scalars_of_points_are_looked_up_between_these() -> None:
+    scene, camera, options = clpeel.from_pyvista(of_two_colors("points"))
+    (found,) = scene.color_maps
+    assert found.colors.tolist() == [[255, 0, 0, 255], [0, 0, 255, 255]] and found.clim == (0, 4)
+    assert found.nan == (0, 255, 0, 255) and found.label == "points" and scene.vertex_arrays == {}
+    image = clpeel.render(scene, camera, **options).image
+    shown = {tuple(int(level) for level in color[:3]) for color in np.unique(image.reshape(-1, 4), axis=0)}
+    assert shown == {(255, 0, 0), (0, 0, 255), (0, 255, 0), (0, 64, 0)}  # no colour in between, and the background
+
+
+def test_a_logarithmic_range_and_colors_beyond_it_are_kept() -> None:
+    plot, mesh = plots.plotter(), pv.Plane(i_resolution=1, j_resolution=1)
+    mesh["far"] = np.array([0.1, 1, 10, 1000])
+    ends = {"below_color": "black", "above_color": "white"}
+    plot.add_mesh(mesh, scalars="far", log_scale=True, clim=(1, 100), show_scalar_bar=False, **ends)
+    (found,) = clpeel.from_pyvista(plot)[0].color_maps
+    assert found.log_scale and found.clim == (1, 100)
+    assert found.below == (0, 0, 0, 255) and found.above == (255, 255, 255, 255)
 
 
 def test_scalars_that_are_colors_are_left_as_they_are() -> None:
@@ -297,7 +324,7 @@ def test_notes_say_what_is_left_out() -> None:
     plot.show_bounds()
     plot.add_axes()
     notes = "\n".join(clpeel.from_pyvista(plot)[0].notes)
-    for word in ("scalar bar left out", "text left out", "axes around the scene", "specular=0.5", "tubes", "with_axis"):
+    for word in ("scalar bar (result.with_bar, "text left out", "axes around the scene", "specular=0.5", "tubes", "with_axis"):
         assert word in notes, word
 
 
