@@ -169,7 +169,7 @@ def _options(plotter: Any, renderer: Any, drawn: list[Drawn], notes: list[str]) 
         color, opacity = edged[0]
         options |= {"edges": True, "edge_color": color, "edge_opacity": opacity}
         if len(set(edged)) > 1:
-            notes.append("edges of all meshes have the colour of the first one's, as a picture has one")
+            notes.append("edges of all meshes have the colour and the opacity of the first one's, as a picture has one")
     elif edged:
         notes.append(f"edges of {len(edged)} mesh(es) left out: a picture has those of all meshes or none (edges=True)")
     return options

@@ -68,7 +68,7 @@ def drawn_by(actor: Any, matrix: NDArray[np.float64], notes: list[str]) -> Drawn
         scene,
         lit=bool(look.GetLighting()),
         shiny=look.GetSpecular() > 0 or look.GetInterpolation() == _PBR,
-        edges=(tuple(look.GetEdgeColor()), float(look.GetEdgeOpacity())) if edges else None,
+        edges=(tuple(look.GetEdgeColor()), float(look.GetEdgeOpacity() * look.GetOpacity())) if edges else None,
         line_width=float(look.GetLineWidth()) if lines or edges else None,
         point_size=float(look.GetPointSize()) if points else None,
         spheres=gaussian or bool(look.GetRenderPointsAsSpheres()),

@@ -168,9 +168,9 @@ def test_culled_faces_are_single_sided(culling: str, outside: int) -> None:
 
 def test_edges_are_an_option_if_all_meshes_have_them() -> None:
     plot = plots.plotter()
-    plot.add_mesh(pv.Cube(), show_edges=True, edge_color="red", edge_opacity=0.5, line_width=2)
+    plot.add_mesh(pv.Cube(), show_edges=True, edge_color="red", edge_opacity=0.5, opacity=0.5, line_width=2)
     scene, _, options = clpeel.from_pyvista(plot)
-    assert options["edges"] is True and options["edge_color"] == (1, 0, 0) and options["edge_opacity"] == 0.5
+    assert options["edges"] is True and options["edge_color"] == (1, 0, 0) and options["edge_opacity"] == 0.25
     assert options["line_width"] == 2 and scene.notes == ()
     plot.add_mesh(pv.Sphere())
     scene, _, options = clpeel.from_pyvista(plot)
@@ -324,7 +324,14 @@ def test_notes_say_what_is_left_out() -> None:
     plot.show_bounds()
     plot.add_axes()
     notes = "\n".join(clpeel.from_pyvista(plot)[0].notes)
-    for word in ("scalar bar (result.with_bar, "text left out", "axes around the scene", "specular=0.5", "tubes", "with_axis"):
+    for word in (
+        "scalar bar (result.with_bar",
+        "text left out",
+        "axes around the scene",
+        "specular=0.5",
+        "tubes",
+        "with_axis",
+    ):
         assert word in notes, word
 
 
