@@ -66,14 +66,14 @@ def parallel() -> Any:
 
 
 def culled() -> Any:
-    """Boxes whose front or back is left out, in a scene that is stretched along z."""
+    """Boxes whose front or back is left out, in a scene that the camera stretches along z."""
     import pyvista as pv
 
     plot = plotter()
     plot.add_mesh(pv.Cylinder(capping=False, center=(0, 0, 0)), culling="back", color="white", lighting=False)
     plot.add_mesh(pv.Disc(center=(0, 0.7, 0), normal=(0, 1, 0)), culling="front", color="red", lighting=False)
-    plot.set_scale(zscale=2.0)
-    plot.camera_position = [(2, 3, 5), (0, 0.3, 0), (0, 1, 0)]
+    plot.camera.model_transform_matrix = np.diag([1.0, 1, 1.5, 1])
+    plot.camera_position = [(1.5, 2, 3.3), (0, 0.2, 0), (0, 1, 0)]
     return plot
 
 

@@ -157,6 +157,21 @@ def test_damaged_files_are_one_line_and_nothing_else(tmp_path: Path) -> None:
         assert line.startswith(f"clpeel: error: {name}: ") and len(line) < 300
 
 
+@needs("meshio", "meshio")
+def test_what_meshio_prints_goes_nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:
+    import meshio
+
+    def read(path: str) -> Any:
+        print("words")
+        meshio._common.warn("of a warning")
+        return meshio.Mesh(POINTS, [("tetra", TETRA)])
+
+    monkeypatch.setattr(meshio.gmsh, "read", read)
+    (tmp_path / "a.msh").write_text("$MeshFormat")
+    assert clpeel.load(tmp_path / "a.msh").counts == (6, 0, 0)
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("extension", ["vtu", "msh", "step", "dae"])
 def test_a_file_that_is_not_there_is_said_so(extension: str, tmp_path: Path) -> None:
     with pytest.raises(clpeel.InputError, match="no such file"):
