@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from clpeel.pictures.colormaps import ColorMap as ColorMap
     from clpeel.pictures.layers import Layers as Layers
     from clpeel.pictures.layers import load_layers as load_layers
+    from clpeel.reading.from_pyvista import from_pyvista as from_pyvista
     from clpeel.reading.load import load as load
     from clpeel.rendering.renderer import Renderer as Renderer
     from clpeel.rendering.renderer import render as render
@@ -56,6 +57,7 @@ _HOMES = {
     "Warmed": "clpeel.rendering.warm_up",
     "compare": "clpeel.study.compare",
     "complexity": "clpeel.study.complexity",
+    "from_pyvista": "clpeel.reading.from_pyvista",
     "grid": "clpeel.scene.grid",
     "load": "clpeel.reading.load",
     "load_layers": "clpeel.pictures.layers",

@@ -18,6 +18,17 @@ MAX_SIDE = 1 << 16
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 """The unit vectors of the axes, by letter."""
 
+VIEWS = {
+    "iso": ((-1.0, -1.0, -1.0), (0.0, 0.0, 1.0)),
+    "xy": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+    "yx": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+    "xz": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "zx": ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0)),
+    "yz": ((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "zy": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+}
+"""Views by the names that PyVista has for them: where the camera looks, and what is up. The first axis points right."""
+
 MIN_MEMORY = 1 << 20
 """The fewest bytes of memory that a render may be given. Fragments get at least as many, however little is left."""
 
@@ -32,6 +43,19 @@ GivenBackground = Sequence[float] | Sequence[Sequence[float] | str] | str | None
 """What a user may give: 3 numbers 0..1, text such as "white", a pair (top, bottom) of these, text such as
 "white:#8090a0", or None for none.
 """
+
+
+def named_view(word: str) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
+    """Return where a camera looks in the view of this name (VIEWS), and what is up. None if there is no such view.
+
+    A minus before the name is for the view from the other side.
+    """
+    name = word.strip().lower()
+    found = VIEWS.get(name.removeprefix("-").removeprefix("+"))
+    if found is None or not name.startswith("-"):
+        return found
+    (x, y, z), up = found
+    return (-x, -y, -z), up
 
 
 def one_of(name: str, value: object, known: Iterable[object]) -> None:

@@ -17,7 +17,7 @@ STAIRS: dict[str, tuple[str, ...]] = {
     "root": (),
     "scene": ("pictures.colormaps",),
     "pictures": (),
-    "reading": ("scene",),
+    "reading": ("scene", "pictures.colormaps"),
     "device": (),
     "stages": ("scene", "pictures", "device"),
     "techniques": ("device.layout",),

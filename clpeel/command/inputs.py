@@ -58,10 +58,11 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
         )
     else:
         direction = options.camera_direction
+        named = isinstance(direction, str)  # a view, whose name says what is up
         camera = Camera.frame(
             scene,
             direction,
-            _view_up(options, direction) if direction else options.up or AXES["Y"],
+            _view_up(options, direction) if direction and not named else options.up or (None if named else AXES["Y"]),
             options.camera_view_angle,
             aspect=width / height,
             orthographic=orthographic,

@@ -177,9 +177,9 @@ def _add_camera_options(parser: argparse.ArgumentParser) -> None:
     add("--camera-view-angle", type=values.number, default=30.0, metavar="DEGREES", help="vertical (default: 30)")
     add(
         "--camera-direction",
-        type=values.direction,
+        type=values.view_direction,
         metavar="X,Y,Z",
-        help="where it looks, also as an axis: +X, -Z (default: -Z; a flat scene at its face)",
+        help="where it looks; also an axis: +X, -Z, or a view: iso, xy, -xz (default: -Z; a flat scene at its face)",
     )
     add("--camera-azimuth-angle", type=values.number, default=0.0, metavar="DEGREES", help="then turn about the up")
     add("--camera-elevation-angle", type=values.number, default=0.0, metavar="DEGREES", help="then rise")

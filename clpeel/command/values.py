@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Callable
 
-from clpeel.checks import AXES, MAX_SIDE, checked_background
+from clpeel.checks import AXES, MAX_SIDE, checked_background, named_view
 from clpeel.color import parse_color
 from clpeel.errors import InputError
 from clpeel.options import read_color, read_count, read_numbers, read_share
@@ -51,6 +51,18 @@ def vector(text: str) -> Vector:
     except ValueError:
         raise argparse.ArgumentTypeError(f"expected X,Y,Z (three numbers), got '{text}'") from None
     return x, y, z
+
+
+def view_direction(text: str) -> Vector | str:
+    """Read the name of a view, such as `iso` or `-xy`, which stays as it is, or a direction."""
+    if named_view(text):
+        return text
+    try:
+        return direction(text)
+    except argparse.ArgumentTypeError as error:
+        raise argparse.ArgumentTypeError(
+            str(error).replace(", or X,Y,Z", ", a view such as iso or -xy, or X,Y,Z")
+        ) from None
 
 
 def direction(text: str) -> Vector:

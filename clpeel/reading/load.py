@@ -1,4 +1,4 @@
-"""Loading: turns any file of meshes or points, or object that trimesh reads, into a Scene."""
+"""Loading: turns any file of meshes or points, or mesh of another library, into a Scene."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import io
 import logging
 import math
 import os
-import sys
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,8 +21,10 @@ from clpeel import checks
 from clpeel.errors import InputError
 from clpeel.reading.companions import Companions, named
 from clpeel.reading.from_trimesh import from_trimesh
+from clpeel.reading.libraries import LIBRARY_EXTENSIONS, read_by_library, require
 from clpeel.reading.losses import listed
 from clpeel.reading.obj import obj
+from clpeel.reading.objects import KNOWN, library_of, of_object
 from clpeel.reading.off import off
 from clpeel.reading.ply import ply
 from clpeel.reading.reader_log import collected
@@ -59,9 +60,11 @@ def load(
     scalars: str | ArrayLike | None = None,
     **mapped: Unpack[Mapped],
 ) -> Scene:
-    """Return one Scene from mesh files, trimesh meshes or scenes, and Scenes. Several are joined in the order given.
+    """Return one Scene from mesh files, meshes of other libraries, and Scenes. Several are joined in the order given.
 
     Files may be PLY, STL, OBJ, OFF, GLB, glTF or 3MF, or point clouds as PCD or text (XYZ), each with or without .gz.
+    With other packages they may also be VTK's, STEP, IGES, COLLADA or what meshio reads (reading/libraries.py). Meshes
+    may be those of trimesh, PyVista, VTK, meshio and Open3D; `clpeel.from_pyvista` takes a whole PyVista plotter.
     Lines and points of PLY, OBJ and glTF are drawn, too. Scene-graph transforms are applied in
     float64. Colours come from the faces, the vertices, and the materials with their textures: base colours and alpha
     modes of glTF, which are linear, and Kd, d, map_Kd and map_d of OBJ, which are display-referred, as are colours in
@@ -152,13 +155,11 @@ def _opened(source: Any, moment: Moment | None) -> Scene:
         return source
     if isinstance(source, (str, os.PathLike)):
         return _from_file(os.fsdecode(source), moment)
-    trimesh = sys.modules.get("trimesh")
-    # Asking trimesh for its paths would import packages that it may lack.
-    is_path = any(base.__module__.startswith("trimesh.path") for base in type(source).__mro__)
-    if trimesh is not None and (is_path or isinstance(source, (trimesh.Trimesh, trimesh.Scene, trimesh.PointCloud))):
-        with _errors_named("trimesh object"), collected():
-            return from_trimesh(source)
-    raise InputError(f"load: expected a path, a trimesh object or a Scene, got {type(source).__name__}")
+    with _errors_named(f"{library_of(source)} object"), collected():
+        scene = of_object(source)
+    if scene is None:
+        raise InputError(f"load: expected a path, {KNOWN} or a Scene, got {type(source).__name__}")
+    return scene
 
 
 def _from_file(path: str, moment: Moment | None) -> Scene:
@@ -191,6 +192,9 @@ def _from_file(path: str, moment: Moment | None) -> Scene:
             return _READERS[extension](data, Companions(path))
     _require_reader(path, extension)
     with _errors_named(path), collected() as records:
+        own = read_by_library(path, extension, data)
+        if own is not None:
+            return own
         return _read(path, extension, data, records)
 
 
@@ -217,7 +221,11 @@ def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecor
 
 
 def _require_reader(path: str, extension: str) -> None:
-    """Raise InputError unless trimesh can read files with this extension."""
+    """Raise InputError unless a library can read files with this extension."""
+    if extension in LIBRARY_EXTENSIONS:
+        with _errors_named(path):
+            require(extension)
+        return
     import trimesh
 
     if extension in trimesh.exchange.load.mesh_formats():

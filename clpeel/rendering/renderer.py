@@ -30,7 +30,7 @@ from clpeel.rendering.request import Progress, Request
 from clpeel.rendering.result import Clock, Result, Stats, stats_of
 from clpeel.rendering.shown_errors import error_of, rounding_of
 from clpeel.scene.arrays import checked_opacity
-from clpeel.scene.camera import Camera
+from clpeel.scene.camera import GivenCamera
 from clpeel.scene.normals import with_normals
 from clpeel.scene.scene import Scene, faces_alone, recolored
 from clpeel.stages.binning import Batch, Tiles, bin_triangles
@@ -142,7 +142,7 @@ class Renderer:
     @_in_turn
     def render(
         self,
-        camera: Camera | None = None,
+        camera: GivenCamera | None = None,
         size: Size = (1024, 1024),
         technique: str = "sort",
         background: GivenBackground = BACKGROUND,
@@ -153,7 +153,8 @@ class Renderer:
     ) -> Result:
         """Renders the scene.
 
-        camera: by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
+        camera: also the name of a view, such as "iso" or "xy", or (position, focal point, view up) as PyVista has them;
+        by default `Camera.frame(scene)`. size: (width, height) in pixels. technique: a name in
         `clpeel.techniques.TECHNIQUES`, or "auto". background: 3 numbers 0..1, text such as "white", a pair of these for
         a gradient from top to bottom, or None for straight alpha. lighting: "none" (colours as given), "headlight",
         "kit" or "scene" (Scene.lights); by default the scene's lights, if it has some, else the kit. progress: called
@@ -321,7 +322,7 @@ class Renderer:
 
 def render(
     scene: Scene,
-    camera: Camera | None = None,
+    camera: GivenCamera | None = None,
     size: Size = (1024, 1024),
     technique: str = "sort",
     background: GivenBackground = BACKGROUND,

@@ -13,7 +13,7 @@ from clpeel.errors import InputError
 from clpeel.options import Options, options_of
 from clpeel.rendering.options import SAMPLES, Lighting, PictureOptions, Size, checked_layers
 from clpeel.rendering.shown_errors import may_hide
-from clpeel.scene.camera import Camera
+from clpeel.scene.camera import Camera, GivenCamera, checked_camera
 from clpeel.scene.lights import KIT, Lamp
 from clpeel.scene.scene import Scene
 from clpeel.scene.textures import linear
@@ -55,20 +55,18 @@ class Request:
     def of(
         cls,
         scene: Scene,
-        camera: Camera | None,
+        camera: GivenCamera | None,
         technique: str,
         given: Mapping[str, object],
         progress: Progress | None = None,
     ) -> Request:
         """Checks the options and makes the request. Raises InputError if any is wrong.
 
-        camera: by default `Camera.frame(scene)`. given: options of all pictures and of the technique, by name.
+        camera: see GivenCamera; by default `Camera.frame(scene)`. given: options of all pictures and of the technique,
+        by name.
         """
         picture, options = checked_options(technique, given)
-        if camera is None:
-            camera = Camera.frame(scene, aspect=picture.size[0] / picture.size[1])
-        elif not isinstance(camera, Camera):
-            raise InputError(f"camera: expected a clpeel.Camera or None, got {type(camera).__name__}")
+        camera = checked_camera(scene, camera, picture.size[0] / picture.size[1])
         chosen = technique_named(AUTO_STANDS_FOR if technique == AUTO else technique)
         if picture.lighting == "scene" and not scene.lights:
             raise InputError(

@@ -156,7 +156,7 @@ class Clock:
 NO_BAR = "no scale bar {}in the picture: no place beside the model is free; a lower zoom or more pixels make room"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """A picture and what it took.
 
@@ -296,6 +296,15 @@ class Result:
         Raises InputError when the place cannot be written, or when the name has an ending other than .png.
         """
         save_png(path, self.image)
+
+    def __repr__(self) -> str:
+        """Return what matters of the picture on one line: its size, its technique, what it shows, and its time."""
+        width, height = self.stats.size
+        parts = [f"{width} x {height}", self.stats.technique, f"{self.stats.seconds['total']:.3g} s"]
+        parts += [f"at most {self.stats.layers_max:,} layers"] if self.stats.layers_max else []
+        parts += [f"maps {', '.join(self.maps)}"] if self.maps else []
+        parts += [f"{len(self.stats.notes)} note{'s' * (len(self.stats.notes) != 1)}"] if self.stats.notes else []
+        return f"<Result: {', '.join(parts)}>"
 
     def _repr_png_(self) -> bytes:
         """Return the image as a PNG, which is what a notebook shows of the result."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.checks import AXES
+from clpeel.checks import AXES, VIEWS, named_view
 from clpeel.errors import InputError
 from clpeel.scene.scene import Scene
 
@@ -150,7 +150,7 @@ class Camera:
         cls,
         scene: Scene,
         direction: str | Vector | None = None,
-        up: str | Vector = "+Y",
+        up: str | Vector | None = None,
         view_angle: float = 30.0,
         *,
         aspect: float = 1.0,
@@ -158,7 +158,9 @@ class Camera:
     ) -> Camera:
         """Return the camera that looks along `direction` and just holds the bounding sphere of the scene's box.
 
-        direction, up: 3 numbers, or an axis such as "-Z". view_angle: degrees. aspect: width / height of the picture; a
+        direction, up: 3 numbers, or an axis such as "-Z"; by default +Y is up. direction may also name a view as
+        PyVista does: "iso", "xy", "xz", "yz", "yx", "zx" or "zy", or with a minus from the other side, such as "-xy".
+        Unless up is given, the name says what is up, too. view_angle: degrees. aspect: width / height of the picture; a
         picture that is taller than wide is framed by its width. Without a direction, the camera looks where `front`
         says, which is along -Z for up +Y. A flat scene is the exception: the camera then looks straight at its face,
         from the side that is nearest to the front. Raises InputError if any of these is invalid.
@@ -166,7 +168,11 @@ class Camera:
         low, high = scene.bounds
         centre = low + (high - low) / 2
         radius = length_of((high - low) / 2) or 1.0
-        view_up = axis(up, "camera up")
+        named = named_view(direction) if isinstance(direction, str) else None
+        if named is not None:
+            direction = named[0]
+            up = named[1] if up is None else up
+        view_up = axis("+Y" if up is None else up, "camera up")
         if direction is None:
             looking, view_up = default_view(scene, view_up)
         else:
@@ -265,6 +271,29 @@ class Camera:
         return float(distances.min()), float(distances.max())
 
 
+GivenCamera = Camera | str | Sequence[Vector]
+"""What may stand for a camera: one, the name of a view, or (position, focal point, view up) as PyVista has them."""
+
+
+def checked_camera(scene: Scene, given: GivenCamera | None, aspect: float) -> Camera:
+    """Return the camera that was given, or the one that has all of the scene in view. Raises InputError.
+
+    given: see GivenCamera; None for the default view. aspect: width / height of the picture.
+    """
+    if given is None or isinstance(given, str):
+        return Camera.frame(scene, given, aspect=aspect)
+    if isinstance(given, Camera):
+        return given
+    try:
+        position, focal_point, view_up = given
+    except (TypeError, ValueError):
+        raise InputError(
+            "camera: expected a clpeel.Camera, a view such as 'iso' or 'xy', or (position, focal point, view up), "
+            f"got {type(given).__name__}"
+        ) from None
+    return Camera(position, focal_point, view_up)
+
+
 # --- where to look by default -----------------------------------------------------------------------------------------
 
 
@@ -355,5 +384,6 @@ def axis(value: str | Vector, name: str) -> NDArray[np.float64]:
         return vector3(name, value)
     letter = value[-1:].upper()
     if letter not in AXES or value[:-1] not in ("", "+", "-"):
-        raise InputError(f"{name}: expected an axis such as -Z or +Y, or 3 numbers, got {value!r}")
+        words = f", {', '.join(VIEWS)}" if name.endswith("direction") else ""
+        raise InputError(f"{name}: expected an axis such as -Z or +Y{words}, or 3 numbers, got {value!r}")
     return np.array(AXES[letter]) * (-1.0 if value[0] == "-" else 1.0)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from clpeel.errors import InputError
+from clpeel.scene.textures import linear_color
 
 Rgb = tuple[float, float, float]
 Vector = tuple[float, float, float]
@@ -14,9 +15,13 @@ Vector = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
 
 
-def _check_colors(*colors: Rgb) -> None:
-    """Raise InputError unless these are linear RGB, 0 or more."""
-    for color in colors:
+def _check_colors(light: object, *names: str) -> None:
+    """Raise InputError unless these fields of a light are linear RGB, 0 or more. Text, such as "gold", becomes that."""
+    for name in names:
+        color = getattr(light, name)
+        if isinstance(color, str):
+            color = linear_color(name, color)[:3]
+            object.__setattr__(light, name, color)
         if len(color) != 3 or not all(0 <= value < math.inf for value in color):
             raise InputError(f"color: expected R,G,B of 0 or more, got {color}")
 
@@ -34,7 +39,7 @@ def _check_vector(name: str, vector: Vector, zero: bool = False) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class AmbientLight:
-    """Light from all around: `sky` from above, `ground` from below, linear RGB, and evenly between them.
+    """Light from all around: `sky` from above, `ground` from below, linear RGB or text, and evenly between them.
 
     A white matt surface in light of 1 from everywhere is white. up: where the sky is; None for the camera's up.
     Raises InputError if a number is wrong.
@@ -46,7 +51,7 @@ class AmbientLight:
     up: Vector | None = None
 
     def __post_init__(self) -> None:
-        _check_colors(self.sky, self.ground)
+        _check_colors(self, "sky", "ground")
         _check_intensity(self.intensity)
         if self.up is not None:
             _check_vector("up", self.up)
@@ -57,8 +62,8 @@ class DirectionalLight:
     """Light from far away, as of the sun (KHR_lights_punctual).
 
     direction: where it goes. intensity: in lux, so that a white matt surface that faces a light of pi is white. color:
-    linear RGB. follows_camera: whether the direction is in the camera's space: x to the right, y up, z towards the
-    camera. highlights: whether it is mirrored. Raises InputError if a number is wrong.
+    linear RGB, or text such as "gold". follows_camera: whether the direction is in the camera's space: x to the right,
+    y up, z towards the camera. highlights: whether it is mirrored. Raises InputError if a number is wrong.
     """
 
     direction: Vector
@@ -68,7 +73,7 @@ class DirectionalLight:
     highlights: bool = True
 
     def __post_init__(self) -> None:
-        _check_colors(self.color)
+        _check_colors(self, "color")
         _check_intensity(self.intensity)
         _check_vector("direction", self.direction)
 
@@ -78,7 +83,7 @@ class PointLight:
     """Light from a place to all sides (KHR_lights_punctual).
 
     position: in scene units. intensity: in candela, of which light / distance^2 is left at a distance, counted in scene
-    units. color: linear RGB. range: the distance that it does not reach beyond; None if there is none. Raises
+    units. color: linear RGB, or text. range: the distance that it does not reach beyond; None if there is none. Raises
     InputError if a number is wrong.
     """
 
@@ -88,7 +93,7 @@ class PointLight:
     range: float | None = None
 
     def __post_init__(self) -> None:
-        _check_colors(self.color)
+        _check_colors(self, "color")
         _check_intensity(self.intensity)
         _check_vector("position", self.position, zero=True)
         if self.range is not None and not 0 < self.range < math.inf:

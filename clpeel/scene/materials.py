@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from clpeel.checks import one_of
 from clpeel.errors import InputError
 from clpeel.scene.arrays import counted_alphas
-from clpeel.scene.textures import Texture
+from clpeel.scene.textures import Texture, linear_color
 
 if TYPE_CHECKING:
     from clpeel.pictures.colormaps import ColorMap
@@ -39,8 +39,8 @@ NO_MATERIAL = -1
 class Finish:
     """How a surface takes light (glTF 2.0, section 3.9). It matters where lights fall on it: render(lighting="kit").
 
-    metallic, roughness: 0..1. emissive: linear RGB, which may exceed 1. normal_scale: how much red and green of the
-    normal texture count. occlusion_strength: 0..1, how much the occlusion texture counts.
+    metallic, roughness: 0..1. emissive: linear RGB, which may exceed 1, or text. normal_scale: how much red and green
+    of the normal texture count. occlusion_strength: 0..1, how much the occlusion texture counts.
     The texels of the emissive texture are colours, as those of Material.texture are. The texels of the others are
     numbers, never sRGB: bytes are 0..255 for 0..1, and floats are as they are. Readers keep these textures without
     decoding their images, which the first one who asks for an image does.
@@ -64,6 +64,9 @@ class Finish:
     emissive_uv: int = 0
 
     def __post_init__(self) -> None:
+        light: object = self.emissive
+        if isinstance(light, str):
+            object.__setattr__(self, "emissive", linear_color("emissive", light)[:3])
         least = min(self.metallic_roughness_uv, self.normal_uv, self.occlusion_uv, self.emissive_uv)
         if least < 0:
             raise InputError(f"finish: expected numbers of texture coordinates of 0 or more, got {least}")
@@ -84,7 +87,8 @@ class Finish:
 class Material:
     """What the colours of faces are made of: see the module.
 
-    base_color: RGBA 0..1, linear. texture: sRGB, sampled at the scene's texture coordinates; None for white.
+    base_color: RGBA 0..1, linear, or text such as "gold". texture: sRGB, sampled at the scene's texture coordinates;
+    None for white.
     alpha_mode: OPAQUE ignores alpha. MASK cuts away fragments whose alpha is below alpha_cutoff. BLEND blends.
     opacity: the alpha of what is left by OPAQUE and MASK; it multiplies the alpha of BLEND. unlit: whether lights leave
     the material as it is. rgb_of_scene, alpha_of_scene: whether red, green and blue of the scene's colours count, and
@@ -110,6 +114,9 @@ class Material:
 
     def __post_init__(self) -> None:
         one_of("alpha_mode", self.alpha_mode, ALPHA_MODES)
+        color: object = self.base_color
+        if isinstance(color, str):
+            object.__setattr__(self, "base_color", linear_color("base_color", color))
         if len(self.base_color) != 4 or not all(0 <= value <= 1 for value in self.base_color):
             raise InputError(f"base_color: expected R,G,B,A in 0..1, got {self.base_color}")
         if not 0 <= self.opacity <= 1:

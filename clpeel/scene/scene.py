@@ -67,7 +67,7 @@ class OpticalDepths:
     most_alpha: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """Triangles, lines and points with colours. `Scene.from_arrays` and `clpeel.load` make one, and check their input.
 
@@ -368,6 +368,26 @@ class Scene:
             lo = (points - hi).astype(np.float32)
             lo[~np.isfinite(lo)] = 0
         return Positions(hi, lo if lo.any() else None, origin, scale)
+
+    def __repr__(self) -> str:
+        """Return what matters of the scene on one line: what there is, its colours, its materials and its bounds."""
+        (x, y, z), (to_x, to_y, to_z) = self.bounds.tolist()
+        parts = [self.described, self._colors_described]
+        parts += [f"{len(self.materials)} material{'s' * (len(self.materials) != 1)}"] if self.materials else []
+        parts += [f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"] if self.lights else []
+        parts += [f"{len(self.notes)} note{'s' * (len(self.notes) != 1)}"] if self.notes else []
+        return f"<Scene: {', '.join(parts)}, from ({x:.6g}, {y:.6g}, {z:.6g}) to ({to_x:.6g}, {to_y:.6g}, {to_z:.6g})>"
+
+    @property
+    def _colors_described(self) -> str:
+        """Which colours there are, in words."""
+        for name, colors in (("face colours", self.face_colors), ("vertex colours", self.vertex_colors)):
+            if colors is not None:
+                return name
+        if self.color is None:
+            return "no colours"
+        levels = self.color if self.color.dtype == np.uint8 else np.rint(self.color * 255).astype(int)
+        return "colour #" + "".join(f"{level:02x}" for level in levels[: 4 - int(levels[3] == 255)])
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, Any] | None:
         """Return what a notebook shows of the scene: a live view of it, or a picture. None outside of notebooks."""

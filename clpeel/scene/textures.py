@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clpeel.checks import one_of
 from clpeel.errors import InputError
-from clpeel.scene.arrays import AnyArray
+from clpeel.scene.arrays import AnyArray, as_float, checked_color
 from clpeel.scene.images import ImageField, LateImage, check_image
 
 Wrap = Literal["repeat", "mirror", "clamp"]
@@ -124,6 +124,16 @@ def linear(values: ArrayLike) -> NDArray[np.float64]:
     """Return sRGB values 0..1 as linear light 0..1 (IEC 61966-2-1)."""
     given = np.asarray(values, np.float64)
     return np.where(given <= 0.04045, given / 12.92, ((np.maximum(given, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+def linear_color(name: str, text: str) -> tuple[float, float, float, float]:
+    """Return a colour that is text, such as "gold" or "#rrggbbaa", as linear RGBA 0..1. Raises InputError.
+
+    name: what the error calls it.
+    """
+    color = as_float(checked_color(name, text))
+    red, green, blue = (float(value) for value in linear(color[:3]))
+    return red, green, blue, float(color[3]) if len(color) == 4 else 1.0
 
 
 def srgb(values: ArrayLike) -> NDArray[np.float64]:

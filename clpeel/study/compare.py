@@ -21,7 +21,7 @@ from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
 from clpeel.rendering.renderer import Renderer
 from clpeel.rendering.request import Progress, check_picture_fits
 from clpeel.rendering.result import Result
-from clpeel.scene.camera import Camera
+from clpeel.scene.camera import Camera, GivenCamera, checked_camera
 from clpeel.scene.scene import Scene
 from clpeel.study.comparison import Comparison, Interrupted, Row, named, shown
 from clpeel.techniques import TECHNIQUES, AnyTechnique
@@ -35,7 +35,7 @@ HOST_BYTES = 8 * 4 * 3
 
 def compare(
     scene: Scene,
-    camera: Camera | None = None,
+    camera: GivenCamera | None = None,
     size: Size = (1024, 1024),
     techniques: Iterable[str] | None = None,
     precisions: Iterable[str] | None = None,
@@ -86,8 +86,7 @@ def compare(
         raise InputError("background: expected 3 numbers 0..1, as errors are of the picture over it; got None")
     check_picture_fits(picture.size, HOST_BYTES)
     trials, notes = trials_of(names, chosen_precisions, limits)
-    if camera is None:
-        camera = Camera.frame(scene, aspect=picture.size[0] / picture.size[1])
+    camera = checked_camera(scene, camera, picture.size[0] / picture.size[1])
     bench = _Bench(scene, camera, picture, device, lanes, progress, 1 + len(trials) * (2 + frames))
     comparison, own_notes = bench.truth()
     skipped = [made.name for made in TECHNIQUES.values() if made.maps and techniques is None]

@@ -23,7 +23,7 @@ from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
 from clpeel.rendering.renderer import Renderer
 from clpeel.rendering.request import Progress, check_picture_fits, marks_of
 from clpeel.rendering.self_test import check_counting
-from clpeel.scene.camera import Camera
+from clpeel.scene.camera import Camera, GivenCamera, checked_camera
 from clpeel.scene.scene import Scene
 from clpeel.stages.counting import Counted, count_layers
 from clpeel.stages.outlines import shape_of
@@ -191,7 +191,7 @@ class Complexity:
 
 def complexity(
     scene: Scene,
-    camera: Camera | None = None,
+    camera: GivenCamera | None = None,
     size: Size = (1024, 1024),
     lighting: Lighting = "none",
     *,
@@ -224,8 +224,7 @@ def complexity(
         point_type=point_type,
     )
     check_picture_fits(picture.size, PIXEL_BYTES)
-    if camera is None:
-        camera = Camera.frame(scene, aspect=picture.size[0] / picture.size[1])
+    camera = checked_camera(scene, camera, picture.size[0] / picture.size[1])
     report = progress or (lambda done, text: None)
     report(0.0, "uploading")
     with renderer.working():

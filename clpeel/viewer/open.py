@@ -12,7 +12,7 @@ from clpeel.checks import GivenBackground, checked_background, checked_size, one
 from clpeel.errors import InputError
 from clpeel.rendering.options import BACKGROUND, Lighting, Size
 from clpeel.rendering.request import checked_options
-from clpeel.scene.camera import Camera
+from clpeel.scene.camera import GivenCamera, checked_camera
 from clpeel.scene.scene import Scene
 from clpeel.viewer.view import View
 
@@ -38,7 +38,7 @@ QT = ("PySide6", "PyQt6")
 
 def view(
     scene: Scene,
-    camera: Camera | Framing | None = None,
+    camera: GivenCamera | Framing | None = None,
     size: Size = (1024, 768),
     technique: str = "sort",
     background: GivenBackground = BACKGROUND,
@@ -61,10 +61,10 @@ def view(
     In a window or a browser, this returns when the window is closed or with Ctrl-C. In a notebook it returns the
     widget, which the cell shows. The first arguments and the options are those of `clpeel.render`.
 
-    camera: may also be a function that makes it for a picture of (width, height) pixels. By default all is in view.
-    backend: by default "notebook" in one, "window" where there is a display, else "browser". size: of the window or
-    the widget, in logical pixels; a page fills its browser. turning: whether the scene turns by itself. host, port,
-    open_page: of the page: the address it listens on, 0 for any free port, and whether to open it in the user's
+    camera: as for `clpeel.render`, or a function that makes it for a picture of (width, height) pixels. By default all
+    is in view. backend: by default "notebook" in one, "window" where there is a display, else "browser". size: of the
+    window or the widget, in logical pixels; a page fills its browser. turning: whether the scene turns by itself. host,
+    port, open_page: of the page: the address it listens on, 0 for any free port, and whether to open it in the user's
     browser. title: of the window or the page. source: the command that the key C prints; by default it prints Python.
     warn: takes errors while the scene is looked at, a line each; by default they go to standard error.
 
@@ -97,15 +97,12 @@ def view(
     return None
 
 
-def framing_of(scene: Scene, camera: Camera | Framing | None) -> Framing:
+def framing_of(scene: Scene, camera: GivenCamera | Framing | None) -> Framing:
     """Return the function that makes the first camera for a screen. Raises InputError if it is no camera."""
-    if camera is None:
-        return lambda pixels: Camera.frame(scene, aspect=pixels[0] / pixels[1])
-    if isinstance(camera, Camera):
-        return lambda pixels: camera
     if callable(camera):
         return camera
-    raise InputError(f"camera: expected a clpeel.Camera or None, got {type(camera).__name__}")
+    checked_camera(scene, camera, 1.0)
+    return lambda pixels: checked_camera(scene, camera, pixels[0] / pixels[1])
 
 
 def checked_backend(backend: str | None) -> Backend:

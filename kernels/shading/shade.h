@@ -616,9 +616,9 @@ OUTLINE void paint(const Waiting *w, uint first, bool shown, const Shading *shad
         if (LIGHT_IN_ALPHA) alpha = light;
         else color *= light;
 #endif
-        if (LINEAR && shown && !lit) {
-            if (DIMS_SRGB || flags & PLAIN) color = part_to_linear(color);
-        }
+#if LINEAR
+        if (shown && !lit) color = DIMS_SRGB || flags & PLAIN ? part_to_linear(color) : color;
+#endif
         *(AnyPart *)(colors + k) = ALPHAS ? alpha : color;
     }
 #if LIGHTS

@@ -178,6 +178,7 @@ def test_runs_against_the_installed_package() -> None:
         ("--camera-focal-point", "0,-1,2", (0, -1, 2)),
         ("--camera-direction", "-Z", (0, 0, -1)),
         ("--camera-direction", "-1,-1,0", (-1, -1, 0)),
+        ("--camera-direction", "-xy", "-xy"),
         ("--camera-view-up", "+X", (1, 0, 0)),
         ("--up", "-Y", (0, -1, 0)),
         ("--up", "z", (0, 0, 1)),
@@ -254,6 +255,7 @@ def test_any_vector_passes_unharmed(vector: tuple[float, float, float]) -> None:
         (["a.ply", "--camera-position", "1,2"], "expected X,Y,Z"),
         (["a.ply", "--camera-position", "1,2,inf"], "expected X,Y,Z"),
         (["a.ply", "--camera-direction", "-Q"], "expected an axis"),
+        (["a.ply", "--camera-direction", "isometric"], "a view such as iso or -xy"),
         (["a.ply", "--camera-direction", "0,0,0"], "expected an axis"),
         (["a.ply", "--up", "0,0,0"], "expected an axis"),
         (["a.ply", "--camera-zoom-factor", "0"], "above 0"),
@@ -351,6 +353,13 @@ def test_up_chooses_the_front_as_f3d_does(box: Any, up: str, looks: str) -> None
     expected = clpeel.Camera.frame(box, looks, up)
     np.testing.assert_allclose(camera.position, expected.position)
     np.testing.assert_allclose(camera.view_up, expected.view_up)
+
+
+def test_a_named_view_says_what_is_up(box: Any) -> None:
+    for word in ("iso", "-xz"):
+        assert make_camera(parse("--camera-direction", word), box) == clpeel.Camera.frame(box, word)
+    camera = make_camera(parse("--camera-direction", "xy", "--up", "+X"), box)
+    assert camera == clpeel.Camera.frame(box, "xy", "+X")
 
 
 def test_looking_straight_down_is_allowed_unless_up_was_given(box: Any) -> None:

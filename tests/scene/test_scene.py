@@ -722,7 +722,7 @@ def test_unreadable_file(tmp_path: Path) -> None:
     ("sources", "options", "says"),
     [
         ((), {}, "expected at least one"),
-        ((42,), {}, "expected a path, a trimesh object or a Scene, got int"),
+        ((42,), {}, "expected a path, a trimesh, PyVista, VTK, meshio or Open3D object or a Scene, got int"),
         ((None,), {}, "got NoneType"),
         ((tetrahedron(),), {"opacity": 2}, "opacity: expected a number 0..1, got 2"),
         ((tetrahedron(),), {"color": [1, 2]}, "color: expected [3 or 4]"),
