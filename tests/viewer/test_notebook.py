@@ -386,7 +386,7 @@ def test_in_a_notebook_a_scene_is_a_live_widget_and_a_picture_where_no_widgets_a
     found = asyncio.run(show())
     assert found["text/plain"] == repr(scene)
     assert found["application/vnd.jupyter.widget-view+json"]["model_id"]
-    want = plainly.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), notebook.SIZE).image
+    want = clpeel.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), notebook.SIZE).image
     assert (decoded(base64.b64decode(found["image/png"])) == want[..., :3]).all()
 
 
