@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plainly
 import pytest
 from conftest import printed
 from PIL import Image
@@ -36,7 +35,7 @@ def render(squares: Path, tmp_path: Path, *arguments: str) -> np.ndarray:
 def seen(monkeypatch: pytest.MonkeyPatch) -> list[tuple[clpeel.Scene, clpeel.Camera]]:
     """What the command lets draw."""
     found = []
-    real = plainly.render
+    real = clpeel.render
 
     def noted(scene: Any, camera: Any, *rest: Any, **options: Any) -> Any:
         found.append((scene, camera))
