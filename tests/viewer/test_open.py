@@ -93,10 +93,11 @@ def test_what_is_wrong_is_one_line_before_anything_opens(options: dict[str, Any]
 def test_the_first_camera_suits_the_screen_that_there_is() -> None:
     tall = opening.framing_of(TRIANGLE, None)
     assert tall((300, 600)) == clpeel.Camera.frame(TRIANGLE, aspect=0.5)
+    assert opening.framing_of(TRIANGLE, "iso")((300, 600)) == clpeel.Camera.frame(TRIANGLE, "iso", aspect=0.5)
     own = clpeel.Camera((0, 0, 5), (0, 0, 0))
     assert opening.framing_of(TRIANGLE, own)((300, 600)) is own
-    with pytest.raises(clpeel.InputError, match="camera: expected a clpeel.Camera or None, got str"):
-        opening.framing_of(TRIANGLE, "front")  # type: ignore[arg-type]
+    with pytest.raises(clpeel.InputError, match="camera direction: expected an axis such as"):
+        opening.framing_of(TRIANGLE, "front")
 
 
 def test_something_else_than_a_scene_is_refused() -> None:
