@@ -170,7 +170,7 @@ def choose_technique(request: Request, tiles: Tiles, batch: Batch, budget: Budge
     found: TileCounts | None = None
     if features.surfaces != "opaque" and records >= FEW_RECORDS:
         found = look_at_some(gpu, triangles, batch)
-    held = triangles.scene.nbytes + (0 if triangles.wired is None else triangles.wired.edges.nbytes)
+    held = triangles.scene.nbytes + (0 if triangles.seen is None else triangles.seen.edges.nbytes)
     held += sum(int(buffer.size) for name, buffer in gpu.buffers.items() if name not in OWN_BUFFERS)
     choices = []
     # A highlight may cover all, and so may an edge.

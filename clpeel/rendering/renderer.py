@@ -43,7 +43,7 @@ from clpeel.stages.projection import Triangles, project
 from clpeel.stages.shading import readable
 from clpeel.stages.tiles import AtTile, Drawn
 from clpeel.stages.upload import DeviceScene, in_linear_light, upload, with_colors
-from clpeel.stages.wires import DeviceEdges, Wanted, Wired, edges_on_device
+from clpeel.stages.wires import DeviceEdges, Wired, edges_on_device
 from clpeel.techniques import ERROR_BOUND
 from clpeel.techniques.precision import blending_bound
 
@@ -92,7 +92,7 @@ class Renderer:
         self._uploaded: dict[_Kind, DeviceScene] = {}
         self._opacity: float | None = None
         self._faded: dict[_Kind, DeviceScene] = {}  # those of `_uploaded` with `_opacity`
-        self._edges: dict[tuple[_Kind, int, Wanted], DeviceEdges] = {}  # those of `_uploaded`
+        self._edges: dict[_Kind, DeviceEdges] = {}  # those of `_uploaded` that were wanted last
         self._linear: dict[_Kind, DeviceScene] = {}  # those of either with linear colours
         self._pictures: list[Picture] = []
         self._at_work: int | None = None  # the thread that is making a picture
@@ -200,7 +200,7 @@ class Renderer:
     def _on_device(self, request: Request) -> DeviceScene:
         """The scene on the device, with normals if it is lit. The first request for it uploads it."""
         request.report(0.0, "uploading")
-        kind = _needs(request), self._shape(request)
+        kind = self._kind(request)
         if kind not in self._uploaded:
             lights = request.lit is not None
             others = [held for held in self._uploaded.values() if held.packed is not None]
@@ -224,6 +224,10 @@ class Renderer:
             self._linear[kind] = in_linear_light(self.gpu, held)
         return self._linear[kind]
 
+    def _kind(self, request: Request) -> _Kind:
+        """What the scene is uploaded for."""
+        return _needs(request), self._shape(request)
+
     def _shape(self, request: Request) -> Shape | None:
         """The outline of the scene's points in this picture; None if no lines and points are drawn."""
         if not len(self.scene.mark_vertices) or request.technique.measures_solids:
@@ -241,13 +245,15 @@ class Renderer:
         return faces_alone(scene) if request.technique.measures_solids else scene
 
     def _notes(self, request: Request) -> Iterator[str]:
-        """What the picture lacks of maps, and of lines and points, one line each."""
+        """What the picture lacks of maps, of lines and points, and of edges, one line each."""
         yield from self._unread if request.lit is not None else ()
         _, lines, points = self.scene.counts
         shape = self._shape(request)
         if request.technique.measures_solids and lines + points:
             counted = " and ".join(f"{n:,} {word}" for n, word in ((lines, "line(s)"), (points, "point(s)")) if n)
             yield f"{counted} left out: they have no inside, which {request.technique.name} measures"
+        if request.technique.measures_solids and request.wanted_edges.any:
+            yield f"edges left out: they have no inside, which {request.technique.name} measures"
         if shape is not None and shape.simplified:
             wanted = request.marks.point_type
             yield f"{points:,} points are drawn as squares: they are too many for --point-type {wanted}"
@@ -276,12 +282,15 @@ class Renderer:
         wires = request.wires
         if wires is None:
             return None
-        key = (_needs(request), self._shape(request)), len(scene.scene.vertices), wires.wanted
-        if key not in self._edges:
+        kind = self._kind(request)
+        held = self._edges.get(kind)
+        if held is not None and len(held.found.places) != len(scene.scene.vertices):
+            held = None  # another opacity may give faces vertices of their own
+        if held is None or held.wanted != wires.wanted:
             request.report(0.0, "finding edges")
-            self._edges = {each: held for each, held in self._edges.items() if each[0] in self._uploaded}
-            self._edges[key] = edges_on_device(self.gpu, scene.scene, wires.wanted)
-        return Wired(self._edges[key], wires)
+            self._edges = {each: old for each, old in self._edges.items() if each in self._uploaded}
+            self._edges[kind] = held = edges_on_device(self.gpu, scene.scene, wires.wanted, held)
+        return Wired(held, wires)
 
     def _picture(self, request: Request) -> Picture:
         """A picture to draw in. It is one of the last two, if nobody uses that one's arrays any more, or a new one."""

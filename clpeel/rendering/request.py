@@ -163,11 +163,15 @@ class Request:
         return marks_of(self.picture)
 
     @property
+    def wanted_edges(self) -> Wanted:
+        """Which edges of faces are asked for."""
+        return Wanted(self.picture.edges, self.picture.feature_edges, self.picture.silhouettes)
+
+    @property
     def wires(self) -> Wires | None:
         """How edges of faces are drawn, if any are. Techniques that measure solids draw none."""
-        picture = self.picture
-        wanted = Wanted(picture.edges, picture.feature_edges, picture.silhouettes)
-        if wanted == Wanted() or self.technique.measures_solids:
+        picture, wanted = self.picture, self.wanted_edges
+        if not wanted.any or self.technique.measures_solids:
             return None
         color = cast(Rgb, picture.edge_color)  # as it is checked
         if self.linear:

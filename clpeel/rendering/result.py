@@ -331,8 +331,8 @@ def stats_of(
     samples_passed = sums((part.keys, part.samples_passed) for part in drawn)
     passed = sum(count > 0 for count in samples_passed)
     buffers = {"scene": triangles.scene.nbytes, **{name: int(held.size) for name, held in gpu.buffers.items()}}
-    if triangles.wired is not None:
-        buffers["edges"] = triangles.wired.edges.nbytes
+    if triangles.seen is not None:
+        buffers["edges"] = triangles.seen.edges.nbytes
     if picture.values is not None:
         buffers["values"] = picture.values.nbytes
     width, height = request.picture.size

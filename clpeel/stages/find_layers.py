@@ -197,10 +197,9 @@ def _numbered(triangle: NDArray[np.int32], triangles: Triangles) -> NDArray[np.i
     """
     scene = triangles.scene
     faces = np.int32(len(scene.scene.faces))
-    if triangles.wired is not None and triangles.seen is not None and len(triangles.seen.chosen):
+    if triangles.seen is not None and triangles.seen.bands:
         band = (triangle - scene.face_count) // BAND_TRIANGLES
-        of_band = triangles.wired.edges.first_faces[triangles.seen.chosen]
-        triangle = np.where(band < 0, triangle, of_band[np.maximum(band, 0)])
+        triangle = np.where(band < 0, triangle, triangles.seen.band_faces[np.maximum(band, 0)])
     if scene.outlines is None:
         return triangle
     return np.where(triangle < faces, triangle, faces + scene.outlines.marks_of(triangle - faces))

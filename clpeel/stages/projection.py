@@ -81,7 +81,6 @@ class Triangles:
     bounds: cl.Buffer
     weights: cl.Buffer | None
     lighting: cl.Buffer | None  # LIGHTING and LAMPs where lights fall on the scene
-    wired: Wired | None = None
     seen: Seen | None = None  # the edges that are drawn
 
     @property
@@ -115,7 +114,7 @@ class Triangles:
         """Bytes of the vertices, lists and records on the device."""
         record = TRIANGLE.itemsize + BOUNDS_BYTES + (WEIGHTS_BYTES if self.weights is not None else 0)
         lists = STATE_BYTES * self.faces + LISTED_BYTES * (self.listed + self.clipped)
-        edges = 0 if self.wired is None or self.seen is None else self.wired.edges.nbytes + self.seen.nbytes
+        edges = 0 if self.seen is None else self.seen.nbytes
         return VERTEX.itemsize * self.scene.vertex_count + lists + record * self.count + edges
 
 
@@ -268,7 +267,6 @@ def project(
         bounds=outputs["bounds"],
         weights=outputs["weights"],
         lighting=lighting,
-        wired=wired,
         seen=seen,
     )
 

@@ -36,6 +36,11 @@ class Wanted:
     angle: float | None = None
     outlines: bool = False
 
+    @property
+    def any(self) -> bool:
+        """Whether there are any."""
+        return self != Wanted()
+
 
 @dataclass(frozen=True)
 class Wires:
@@ -59,12 +64,14 @@ class DeviceEdges:
     edges: int32 [e, 4], vertices at the ends and across (Edges). kinds: uint8 [e], WIRED | ... (layout.py). lists:
     uint32, for each face where its edges begin behind these m + 1 numbers, and then the edges, some of them FOREIGN.
     faces_of: int32 [e], a face of each; first_faces: the same, on the host. places: uint32 [n]. around_starts, around:
-    uint32, the edges that end at each place. nbytes: of all on the device.
+    uint32, the edges that end at each place. nbytes: of all on the device. found, wanted: all edges of the scene, and
+    which of them these are.
     """
 
+    found: Edges
+    wanted: Wanted
     count: int
     faces: int
-    outlines: bool
     edges: cl.Buffer
     kinds: cl.Buffer
     lists: cl.Buffer
@@ -76,9 +83,12 @@ class DeviceEdges:
     nbytes: int
 
 
-def edges_on_device(gpu: Workspace, scene: Scene, wanted: Wanted) -> DeviceEdges:
-    """Puts the edges of a scene on the device that are wanted."""
-    found = edges_of(scene)
+def edges_on_device(gpu: Workspace, scene: Scene, wanted: Wanted, before: DeviceEdges | None) -> DeviceEdges:
+    """Puts the edges of a scene on the device that are wanted.
+
+    before: those that were wanted last of a scene with the same faces, if any were. All edges are found once.
+    """
+    found = edges_of(scene) if before is None else before.found
     wired = ~found.inner if wanted.all else np.zeros(len(found.ends), np.bool_)
     if wanted.angle is not None:
         wired |= found.features(wanted.angle)
@@ -105,7 +115,7 @@ def edges_on_device(gpu: Workspace, scene: Scene, wanted: Wanted) -> DeviceEdges
     }
     nbytes = sum(array.nbytes for array in arrays.values())
     first_faces = found.faces[kept, 0]
-    return DeviceEdges(len(kept), len(scene.faces), wanted.outlines, **held, first_faces=first_faces, nbytes=nbytes)
+    return DeviceEdges(found, wanted, len(kept), len(scene.faces), **held, first_faces=first_faces, nbytes=nbytes)
 
 
 def _kinds(scene: Scene, edges: Edges, wired: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -168,11 +178,12 @@ class Wired:
 class Seen:
     """The edges of a view: kernel arguments, and its triangles with those of bands.
 
-    shading: WIRING, the lists, and WIRE of all edges and bands. behind: the same for those that opaque surfaces hide;
-    None if these do not show. faces: uint32 [m, 3] of the scene with bands behind. vertices: VERTEX of the scene with
-    those of bands behind. chosen: the edge of each band, on the host.
+    edges: of the scene. shading: WIRING, the lists, and WIRE of all edges and bands. behind: the same for those that
+    opaque surfaces hide; None if these do not show. faces: uint32 [m, 3] of the scene with bands behind. vertices:
+    VERTEX of the scene with those of bands behind. chosen: the edge of each band, on the host.
     """
 
+    edges: DeviceEdges
     shading: Arguments
     behind: Arguments | None
     faces: cl.Buffer
@@ -185,9 +196,14 @@ class Seen:
         return len(self.chosen)
 
     @property
+    def band_faces(self) -> NDArray[np.int32]:
+        """A face that each band's edge is of."""
+        return self.edges.first_faces[self.chosen]
+
+    @property
     def nbytes(self) -> int:
-        """Bytes of what bands add."""
-        return (WIRE.itemsize + VERTEX.itemsize * BAND_CORNERS + 12 * BAND_TRIANGLES) * self.bands
+        """Bytes of the edges, and of what bands add."""
+        return self.edges.nbytes + (WIRE.itemsize + VERTEX.itemsize * BAND_CORNERS + 12 * BAND_TRIANGLES) * self.bands
 
 
 NOTHING: Arguments = {"wiring": None, "wire_lists": None, "wires": None}
@@ -251,7 +267,7 @@ def see_edges(
             band_count=bands,
             sides=sides,
             kinds=edges.kinds,
-            outlines=edges.outlines,
+            outlines=edges.wanted.outlines,
             faces_of=edges.faces_of,
             places=edges.places,
             around_starts=edges.around_starts,
@@ -273,7 +289,7 @@ def see_edges(
         return {"wiring": gpu.put(name, wiring), "wire_lists": edges.lists, "wires": seen}
 
     behind = shading("wiring_behind", wires.hidden) if wires.hidden else None
-    return Seen(shading("wiring", wires.opacity), behind, faces, vertices, chosen)
+    return Seen(edges, shading("wiring", wires.opacity), behind, faces, vertices, chosen)
 
 
 def _longer(gpu: Workspace, name: str, held: cl.Buffer, nbytes: int, more: int) -> cl.Buffer:

@@ -15,6 +15,7 @@ from PIL import Image
 from twins import screen, strokes, wires
 
 import clpeel
+import clpeel.stages.wires as stages
 from clpeel.command.main import main
 from clpeel.command.options import EDGES as FLAGS
 from clpeel.command.parser import parse
@@ -304,10 +305,25 @@ def test_techniques_that_are_exact_for_one_layer_are_so_with_edges() -> None:
     assert len(np.unique(wanted.reshape(-1, 4), axis=0)) > 3
 
 
+def test_edges_of_a_scene_are_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other edges of the same faces are chosen among those found, and the last choice alone stays on the device."""
+    found: list[clpeel.Scene] = []
+    real = stages.edges_of
+    monkeypatch.setattr(stages, "edges_of", lambda scene: (found.append(scene), real(scene))[1])
+    renderer = plainly.Renderer(clpeel.Scene.from_arrays([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), lanes=1)
+    for angle in (10, 20, 30):
+        renderer.render(ABOVE, SIZE, feature_edges=angle)
+    assert len(found) == 1 and len(renderer._edges) == 1
+    again = renderer.render(ABOVE, SIZE, edges=True).image
+    np.testing.assert_array_equal(again, plainly.render(renderer.scene, ABOVE, SIZE, edges=True, lanes=1).image)
+
+
 def test_solids_are_measured_without_edges() -> None:
     scene = clpeel.Scene.from_arrays(BOX, BOX_FACES, color=(*PALE, 128))
     plain, got = (plainly.render(scene, ABOVE, SIZE, "thickness", **options) for options in ({}, EDGES))
     np.testing.assert_array_equal(got.thickness, plain.thickness)
+    note = "edges left out: they have no inside, which thickness measures"
+    assert note in got.stats.notes and note not in plain.stats.notes
     np.testing.assert_array_equal(got.image, plain.image)
 
 
