@@ -8,6 +8,7 @@ measurements. Nothing here needs NumPy.
 from __future__ import annotations
 
 import dataclasses
+import math
 import types
 import typing
 from collections.abc import Callable, Iterator
@@ -164,15 +165,20 @@ def read_numbers(text: str) -> list[float]:
     return values
 
 
-def read_share(text: str) -> float:
-    """Read a number 0..1, or raise InputError."""
+def read_within(text: str, low: float, high: float, expected: str) -> float:
+    """Read a number low..high, or raise InputError. expected: what was expected, in words."""
     try:
         (value,) = read_numbers(text)
     except ValueError:
-        value = -1.0
-    if not 0 <= value <= 1:
-        raise InputError(f"expected a number in 0..1, got '{text}'")
+        value = math.nan
+    if not low <= value <= high:
+        raise InputError(f"expected {expected}, got '{text}'")
     return value
+
+
+def read_share(text: str) -> float:
+    """Read a number 0..1, or raise InputError."""
+    return read_within(text, 0, 1, "a number in 0..1")
 
 
 def _read_range(text: str) -> tuple[float, float]:

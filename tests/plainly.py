@@ -9,37 +9,26 @@ from typing import Any
 
 import clpeel
 
-WHITE = (1.0, 1.0, 1.0)
-PLAIN: dict[str, Any] = {"background": WHITE, "lighting": "none", "samples": 1}
+PLAIN: dict[str, Any] = {"background": (1.0, 1.0, 1.0), "lighting": "none", "samples": 1}
 """Options of plain pictures, where they differ from the defaults."""
 
+IN_ORDER = ("camera", "size", "technique", "background", "lighting")
+"""What may be given without its name."""
 
-def render(
-    scene: clpeel.Scene,
-    camera: clpeel.Camera | None = None,
-    size: tuple[int, int] = (1024, 1024),
-    technique: str = "sort",
-    background: Any = WHITE,
-    lighting: Any = "none",
-    **options: Any,
-) -> clpeel.Result:
+
+def options_of(given: tuple[Any, ...], named: dict[str, Any]) -> dict[str, Any]:
+    """Return the options of a picture that is plain, but for what is given."""
+    return {**PLAIN, **dict(zip(IN_ORDER[: len(given)], given, strict=True)), **named}
+
+
+def render(scene: clpeel.Scene, *given: Any, **named: Any) -> clpeel.Result:
     """Do what `clpeel.render` does, by default as a plain picture."""
-    chosen = {"samples": 1, "background": background, "lighting": lighting, **options}
-    return clpeel.render(scene, camera, size, technique, **chosen)
+    return clpeel.render(scene, **options_of(given, named))
 
 
 class Renderer(clpeel.Renderer):
     """A `clpeel.Renderer` whose pictures are plain by default."""
 
-    def render(  # type: ignore[override]
-        self,
-        camera: clpeel.Camera | None = None,
-        size: tuple[int, int] = (1024, 1024),
-        technique: str = "sort",
-        background: Any = WHITE,
-        lighting: Any = "none",
-        **options: Any,
-    ) -> clpeel.Result:
+    def render(self, *given: Any, **named: Any) -> clpeel.Result:  # type: ignore[override]
         """Do what `clpeel.Renderer.render` does, by default as a plain picture."""
-        chosen = {"samples": 1, "background": background, "lighting": lighting, **options}
-        return super().render(camera, size, technique, **chosen)
+        return super().render(**options_of(given, named))

@@ -63,8 +63,9 @@ def given_coloring(options: argparse.Namespace) -> dict[str, Any] | None:
         name: value for name in (*OPTIONS, *OPACITIES) if (value := getattr(options, name, None)) not in (None, False)
     }
     if getattr(options, "coloring_array", None) is None:
-        for name in [*given, *(["coloring_by_cells"] if getattr(options, "coloring_by_cells", False) else [])]:
-            raise InputError(f"--{name.replace('_', '-')}: expected --coloring-array with it, got none")
+        alone = [*given, *(["coloring_by_cells"] if getattr(options, "coloring_by_cells", False) else [])]
+        if alone:
+            raise InputError(f"--{alone[0].replace('_', '-')}: expected --coloring-array with it, got none")
         return None
     if len([name for name in OPACITIES if name in given]) > 1:
         raise InputError("--opacity-array: expected no --opacity-map with it, got both")

@@ -159,8 +159,9 @@ def lighting_for(options: argparse.Namespace, scene: Scene | None) -> Lighting:
         return "none"
     if options.lighting == "scene" and scene is not None and not scene.lights:
         raise InputError("--lighting: expected lights in the file with 'scene', got none; 'kit' has lights of its own")
-    own: Lighting = "scene" if scene is not None and scene.lights else "kit"
-    chosen: Lighting = options.lighting or own
+    from clpeel.rendering.options import default_lighting
+
+    chosen: Lighting = options.lighting or default_lighting(scene is not None and bool(scene.lights))
     return chosen
 
 

@@ -15,6 +15,7 @@ from clpeel.errors import InputError
 from clpeel.files import write_whole
 from clpeel.pictures.background import rows_of
 from clpeel.pictures.lengths import Lengths
+from clpeel.pictures.over import straight
 
 FORMAT = 1
 """The format number of the files that `Layers.save` writes."""
@@ -174,7 +175,7 @@ def over_background(
         shown = rgb + through * rows_of(over, len(rgb)).astype(np.float32)
     else:
         alpha = np.maximum(np.float32(1) - through, np.float32(0))
-        shown = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
+        shown = straight(rgb, alpha)
     levels = np.concatenate([shown, alpha], axis=-1) * np.float32(255) + np.float32(0.5)
     return np.clip(levels, np.float32(0), np.float32(255)).astype(np.uint8)
 

@@ -146,9 +146,10 @@ def _mapped(mapper: Any, data: Any, opacity: float) -> Tint | None:
 
 @dataclass(frozen=True, eq=False)
 class _Numbers:
-    """The number of each point, its colour map, and the opacity of all."""
+    """The numbers of each point, which component of them counts, their colour map, and the opacity of all."""
 
     values: AnyArray
+    component: int
     color_map: ColorMap
     opacity: float
 
@@ -158,7 +159,8 @@ class _Numbers:
         scene = scene_of(data, Tint(color=white, of_points={_NUMBERS: self.values}), matrix)
         if scene is None:
             return None
-        return replace(with_scalars(scene, _NUMBERS, cmap=self.color_map), vertex_arrays={}, face_arrays={})
+        mapped = with_scalars(scene, _NUMBERS, cmap=self.color_map, component=self.component)
+        return replace(mapped, vertex_arrays={}, face_arrays={})
 
 
 _NUMBERS = "scalars"

@@ -9,16 +9,18 @@ import numpy as np
 from clpeel.pictures.colormaps import ColorMap
 from clpeel.reading.vtk_arrays import numbers
 from clpeel.scene.arrays import AnyArray
+from clpeel.scene.fields import MAGNITUDE
 
 _MAGNITUDE, _COMPONENT = 0, 1  # vector modes of a vtkScalarsToColors
 _DIRECT = 2  # a colour mode of a vtkMapper, where scalars are colours
 _LOG10 = 1  # a scale of a vtkLookupTable
 
 
-def mapped_numbers(mapper: Any, data: Any) -> tuple[AnyArray, ColorMap] | None:
-    """Return the number of each point of a vtkPolyData that a mapper looks up between points, and its colour map.
+def mapped_numbers(mapper: Any, data: Any) -> tuple[AnyArray, int, ColorMap] | None:
+    """Return the numbers of each point of a vtkPolyData that a mapper looks up between points, and its colour map.
 
-    None if it looks up colours in another way: of cells, at the points alone, by names, or directly.
+    Between the two is which component counts, or MAGNITUDE. None if it looks up colours in another way: of cells, at
+    the points alone, by names, or directly.
     """
     table = mapper.GetLookupTable() if mapper.GetScalarVisibility() else None
     if table is None or not mapper.GetInterpolateScalarsBeforeMapping() or mapper.GetColorMode() == _DIRECT:
@@ -38,14 +40,14 @@ def mapped_numbers(mapper: Any, data: Any) -> tuple[AnyArray, ColorMap] | None:
     values = numbers(scalars)
     if values.dtype == np.uint8 and mapper.GetColorMode() == 0 or values.dtype.kind not in "fiu":
         return None  # bytes are colours
+    component = MAGNITUDE
     if values.ndim == 2:
         if table.GetVectorMode() not in (_MAGNITUDE, _COMPONENT):
             return None
-        by_length = table.GetVectorMode() == _MAGNITUDE
-        component = min(table.GetVectorComponent(), values.shape[1] - 1)
-        values = np.linalg.norm(values, axis=1) if by_length else values[:, component]
+        if table.GetVectorMode() == _COMPONENT:
+            component = min(table.GetVectorComponent(), values.shape[1] - 1)
     found = _color_map(mapper, table, scalars.GetName() or "")
-    return None if found is None else (values, found)
+    return None if found is None else (values, component, found)
 
 
 def _color_map(mapper: Any, table: Any, label: str) -> ColorMap | None:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clpeel.device.memory import Budget
 from clpeel.device.workspace import Workspace
 from clpeel.pictures.background import rows_of
 from clpeel.pictures.layers import over_background
+from clpeel.pictures.over import converted
 from clpeel.rendering.auto import capacity_of
 from clpeel.rendering.request import Request
-from clpeel.scene.arrays import AnyArray
 from clpeel.scene.textures import linear, srgb
 from clpeel.stages.binning import bin_triangles
 from clpeel.stages.composite import Finished, Picture
@@ -51,18 +49,11 @@ def with_hidden_edges(
         color = over + (1 - over[..., 3:]) * under
         image = over_background(color[..., :3], 1 - color[..., 3:], background)
     else:
-        light = _converted(over, linear) + (1 - over[..., 3:]) * _converted(under, linear)
-        color, through = _converted(light, srgb), 1 - light[..., 3:]
+        light = converted(over, linear) + (1 - over[..., 3:]) * converted(under, linear)
+        color, through = converted(light, srgb).astype(np.float32), (1 - light[..., 3:]).astype(np.float32)
         if background is None:
             image = over_background(color[..., :3], through, None)
         else:
             shown = srgb(light[..., :3] + through * linear(rows_of(background, len(light))))
             image = over_background(shown.astype(np.float32), np.zeros_like(through), background)
     return Finished(image, color if request.picture.keep_color else None, finished.maps, finished.stats)
-
-
-def _converted(color: NDArray[np.float32], convert: Callable[[AnyArray], AnyArray]) -> NDArray[np.float32]:
-    """Return premultiplied colours [..., 4] whose straight colours are converted."""
-    rgb, alpha = color[..., :3], color[..., 3:]
-    straight = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
-    return np.concatenate([convert(straight) * alpha, alpha], axis=-1).astype(np.float32)

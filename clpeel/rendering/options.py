@@ -12,7 +12,7 @@ from clpeel.checks import MAX_SIDE, Background, GivenBackground, Rgb, checked_ba
 from clpeel.device.layout import MOST_WIDTH, DepthFormat, PointType
 from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.errors import InputError
-from clpeel.options import COLOR, MEMORY, SHARE, Kind, Options, not_negative, option, read_numbers
+from clpeel.options import COLOR, MEMORY, SHARE, Kind, Options, not_negative, option, read_within
 
 Size = tuple[int, int]
 Lighting = Literal["none", "headlight", "kit", "scene"]
@@ -29,6 +29,11 @@ through.
 
 SAMPLES = 4
 """Samples a pixel by default. Maps, such as thicknesses, and layers have 1: there the pixel's centre counts."""
+
+
+def default_lighting(has_lights: bool) -> Lighting:
+    """Return what light falls on a scene if nobody says it: its own, if it has some, else the kit."""
+    return "scene" if has_lights else "kit"
 
 
 def _checked_size(name: str, value: object) -> object:
@@ -58,11 +63,7 @@ def _checked_angle(name: str, value: object) -> float:
 
 
 def _read_angle(text: str) -> float:
-    try:
-        (value,) = read_numbers(text)
-    except ValueError:
-        raise InputError(f"expected degrees, 0..180, got '{text}'") from None
-    return value
+    return read_within(text, 0, 180, "degrees, 0..180")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from clpeel.checks import Rgb
 from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
-from clpeel.rendering.options import SAMPLES, Lighting, PictureOptions, Size, checked_layers
+from clpeel.rendering.options import SAMPLES, Lighting, PictureOptions, Size, checked_layers, default_lighting
 from clpeel.rendering.shown_errors import may_hide
 from clpeel.scene.camera import Camera, GivenCamera, checked_camera
 from clpeel.scene.lights import KIT, Lamp
@@ -130,7 +130,7 @@ class Request:
 
         A technique that keeps light apart from colours has none but the headlight.
         """
-        chosen = self.picture.lighting or ("scene" if self.scene_lights else "kit")
+        chosen = self.picture.lighting or default_lighting(bool(self.scene_lights))
         return "headlight" if self.technique.light_apart and chosen != "none" else chosen
 
     @property

@@ -26,6 +26,7 @@ from clpeel.device.workspace import Workspace
 from clpeel.errors import DeviceError
 from clpeel.options import Options
 from clpeel.pictures.background import rows_of
+from clpeel.pictures.over import converted
 from clpeel.rendering.known_layers import (
     FACES,
     FAR,
@@ -482,9 +483,7 @@ class _Comparison:
 
 def encoded(color: Floats) -> Floats:
     """What a linear colour, premultiplied and with alpha, becomes without a background: alpha times straight sRGB."""
-    alpha = color[..., 3:]
-    straight = np.divide(color[..., :3], alpha, out=np.zeros_like(color[..., :3]), where=alpha > 0)
-    return np.concatenate([alpha * srgb(np.clip(straight, 0, 1)), alpha], axis=-1)
+    return converted(color, lambda straight: srgb(np.clip(straight, 0, 1)))
 
 
 CLOSE = 16 * ROUNDING

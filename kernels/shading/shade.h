@@ -29,24 +29,12 @@ typedef struct {
     global const Material *materials;
     global const uint *textures;
     global const Lighting *lighting;
-    global const Wiring *wiring;
-    global const uint *wire_lists;
-    global const Wire *wires;
+    Wires wires;
 } Shading;
 
-// Whether a face has edges that are drawn; and whether it is no face, but lies beside one and shows an edge alone.
-#if WIRES
-#define WIRES_OF(shading) ((Wires){(shading)->wiring, (shading)->wire_lists, (shading)->wires})
-INLINE bool wired_face(const Shading *shading, uint source)
-{
-    const Wires w = WIRES_OF(shading);
-    return has_wires(&w, source);
-}
-#define IS_BAND(shading, source) ((source) >= (shading)->wiring->first_band)
-#else
-#define wired_face(shading, source) false
-#define IS_BAND(shading, source) false
-#endif
+// All of these, as kernels have them as arguments.
+#define GIVEN_SHADING                                                                                           \
+    {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, {wiring, wire_lists, wires}}
 
 #define NORMALS (HEADLIGHT | LIGHTS)
 
@@ -172,8 +160,9 @@ INLINE void face_of(global const Triangle *t, uint record, const Shading *shadin
 {
     uint source = t->source;
 #if WIRES
-    f->source = source, f->wired = wired_face(shading, source) ? t->flags & BACK_FACING ? FROM_BEHIND : FROM_FRONT : 0;
-    if (IS_BAND(shading, source)) source = 0;  // what a band would be without its edge does not show
+    f->source = source;
+    f->wired = !has_wires(&shading->wires, source) ? 0 : t->flags & BACK_FACING ? FROM_BEHIND : FROM_FRONT;
+    if (is_band(&shading->wires, source)) source = 0;  // what a band would be without its edge does not show
 #endif
     uint3 vertex = load_face(shading->faces, source);
     UNROLL for (int k = 0; k < 9; ++k) f->weight[k] = shading->weights[9 * record + k];
@@ -535,8 +524,9 @@ INLINE Reals shown_light(const Shading *shading, Reals light)
     return LINEAR ? light : to_srgb(shading->textures, light);
 }
 
-// The colours of SHADED fragments under lights, sRGB, or linear where blending is. color: as materials are, linear, but sRGB if they are PLAIN. Of these,
-// fragments whose normals have no length stay as they are: lines and points without normals (clpeel/scene/normals.py).
+// The colours of SHADED fragments under lights, as they are blended. color: as materials are, linear, but sRGB if they are
+// PLAIN. Of these, fragments whose normals have no length stay as they are: lines and points without normals
+// (clpeel/scene/normals.py).
 INLINE void light_colors(const Shading *shading, global const Material *m, const Surface *s, bool mapped, float4 colors[SHADED])
 {
     Reals channel[4], highlight[3];
@@ -792,16 +782,16 @@ INLINE uint shade(const Face *f, const OnFace *place, const Shading *shading, fl
 {
 #if WIRES
     if (f->wired) {
-        const Wires w = WIRES_OF(shading);
-        if (BEHIND || IS_BAND(shading, f->source))
+        const Wires *w = &shading->wires;
+        if (BEHIND || is_band(w, f->source))
             UNROLL for (int k = 0; k < SHADED; ++k) colors[k] = (float4)(0.0f);
         else
             bits = shade_face(f, place, shading, view, sight, bits, colors);
         float unit = (float)(shades_samples(f) ? SUBPIXELS : SUBPIXELS * SHOWN_ROWS);
-        Reals covered = wires_over(&w, f->source, f->wired, sight->x * ((float)SHOWN_ROWS / SHOWN_COLUMNS), sight->y, unit);
+        Reals covered = wires_over(w, f->source, f->wired, sight->x * ((float)SHOWN_ROWS / SHOWN_COLUMNS), sight->y, unit);
         float4 *color = colors;
         for (uint left = bits; left; left &= left - 1, ++color)
-            *color = with_wire(&w, *color, ONE_OF(float, covered, LOWEST_SHADED(left)));
+            *color = with_wire(w, *color, ONE_OF(float, covered, LOWEST_SHADED(left)));
         return bits;
     }
 #endif
@@ -816,7 +806,7 @@ OUTLINE VECTOR(int) routed(global const Triangle *t, uint record, const VECTOR(f
 {
     uint all = BITS_OF(covered), kept = 0;
     bool whole = HIDING && solid && !(t->flags & OPAQUE);
-    if (IS_BAND(shading, t->source)) return whole ? (VECTOR(int))(0) : covered;
+    if (is_band(&shading->wires, t->source)) return whole ? (VECTOR(int))(0) : covered;
     int number = shading->material_of[t->source];
     uint flags = number < 0 ? 0 : MATERIAL_AT(shading, number)->flags;
     if (!(flags & ROUTED_BY_TEXELS)) return whole ? (VECTOR(int))(0) : covered;

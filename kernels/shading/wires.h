@@ -14,7 +14,6 @@
 #define BEHIND 0
 #endif
 
-#if WIRES
 // The edges of all faces: lists[face] .. lists[face + 1] are where a face's own are in `lists`.
 typedef struct {
     global const Wiring *wiring;
@@ -22,8 +21,17 @@ typedef struct {
     global const Wire *wires;
 } Wires;
 
-INLINE bool is_band(const Wires *w, uint source) { return source >= w->wiring->first_band; }
+// Whether a triangle is no face, but lies beside one and shows edges alone.
+INLINE bool is_band(const Wires *w, uint source)
+{
+#if WIRES
+    return source >= w->wiring->first_band;
+#else
+    return false;
+#endif
+}
 
+#if WIRES
 // The part of a stroke across a width `unit` around places at this distance from its middle, in all of that width.
 INLINE Reals stroke_over(Reals distance, Reals reach, float unit)
 {

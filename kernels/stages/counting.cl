@@ -26,7 +26,7 @@ kernel void count_layers(global const Triangle *triangles, global const uint *pa
                          global uint *layers, global uint *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
+    const Shading colored = GIVEN_SHADING, *shading = &colored;
     local uint taken, totals[COUNT_TOTALS];
     for (;;) {
         if (LANE == 0) {

@@ -17,7 +17,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                  global const float *parameters, global float *values)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
+    const Shading colored = GIVEN_SHADING, *shading = &colored;
     local Colors layer[TILE_PIXELS / STRIP];
     local uint taken, solid;
 #if LANES > 1

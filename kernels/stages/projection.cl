@@ -110,8 +110,8 @@ OUTLINE Ints is_opaque(global const void *palette, int colors, int packed, Uints
 }
 
 // first_band: the first face that is a band (stages/wires.cl): these are not opaque, and have two sides.
-kernel void cull_triangles(global const uint *faces, uint face_count, uint first_band, uint vertex_count, global const Vertex *vertices,
-                           int width, int height, uint pattern, global const void *palette, int colors, int packed,
+kernel void cull_triangles(global const uint *faces, uint face_count, uint first_band, uint vertex_count,
+                           global const Vertex *vertices, int width, int height, uint pattern, global const void *palette, int colors, int packed,
                            global const uchar *single_sided, int all_single_sided, global uchar *states)
 {
     uint first = get_global_id(0) * WIDE;

@@ -7,8 +7,8 @@
 #define WIDE 1
 #include "stages/planes.h"
 
-// Lines are cut at a band that leaves room for their width up to the guard band: a mitre's tip is MITRE_LIMIT halves of a
-// width away from its joint.
+// Segments are cut at a band that leaves room for their width up to the guard band: the tip of a mitre, or of a band, is at
+// most four halves of a width away from its joint (stages/expand.cl, MITRE_LIMIT; stages/wires.cl, TIP_LIMIT).
 #define CUT_BAND (GUARD_BAND / 4 * 3)
 #define MOST_HALF (MOST_WIDTH / 2 * SUBPIXELS)
 

@@ -25,7 +25,7 @@ kernel void draw_behind(global const Triangle *triangles, global const uint *pai
                         global Colors *behind, global uint *tile_samples)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
+    const Shading colored = GIVEN_SHADING, *shading = &colored;
     local uint samples;
     uint tile = get_group_id(0);
     if (LANE == 0) samples = 0;
@@ -58,7 +58,7 @@ kernel void emit_stream(global const Triangle *triangles, global const uint *pai
                         global uint *pixels, global float4 *colors)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
+    const Shading colored = GIVEN_SHADING, *shading = &colored;
     uint tile = first_tile + get_group_id(0);
     ENTER_TILE
     if (MIXED) list_begin = transparent_from(triangles, pairs, list_begin, list_end);

@@ -19,7 +19,7 @@ kernel void count_fragments(global const Triangle *triangles, global const uint 
                             global uint2 *tile_totals)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
+    const Shading colored = GIVEN_SHADING, *shading = &colored;
     local uint prefix[TILE_PIXELS] __attribute__((aligned(64)));
     uint tile = get_group_id(0);
     ENTER_TILE
@@ -64,7 +64,7 @@ kernel void emit_fragments(global const Triangle *triangles, global const uint *
                            global float4 *colors, global uint *sources)
 {
     const Batch records = {triangles, pair_start, pairs, screen}, *batch = &records;
-    const Shading colored = {faces, palette, weights, normals, uv, material_of, materials, textures, lighting, wiring, wire_lists, wires}, *shading = &colored;
+    const Shading colored = GIVEN_SHADING, *shading = &colored;
     uint tile = window_tile + get_group_id(0);
     const Layout lists = {1, capacity, 0};
     VECTOR(uint) next[STRIPS_A_LANE];

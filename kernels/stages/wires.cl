@@ -132,10 +132,9 @@ INLINE BandEnd band_end(const Way *way, float n_x, float n_y, float width, const
 
 // chosen: the edges that have bands. outlines: whether all of these are drawn, on bands as wide as a whole stroke, as little
 // of an outline may be seen on the surface. Else those that are WIRED are, on bands of half the width. faces_of: a face of
-// each edge. margin: how much wider than seen a band is, in subpixels, so that its rim can be smooth. places: for
-// each vertex the same number as for all others at its place. around_starts, around: the edges that
-// end at each place. band_wires: receives the wires of bands. faces: receives their triangles, from first_face on.
-// vertices: receives their corners, from first_vertex on.
+// each edge. places: for each vertex the same number as for all others at its place. around_starts, around: the edges that
+// end at each place. margin: how much wider than seen a band is, in subpixels, so that its rim can be smooth. wires, faces,
+// vertices: receive the wires of bands, their triangles and their corners, from first_wire, first_face and first_vertex on.
 kernel void expand_bands(global const uint *chosen, uint band_count, global const int4 *edges, global const char *sides,
                          global const uchar *kinds, int outlines, global const uint *faces_of,
                          global const uint *places, global const uint *around_starts, global const uint *around,
