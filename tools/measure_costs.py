@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 import clpeel
 from clpeel.options import Options
-from clpeel.rendering import costs
+from clpeel.rendering.costs import Cost, costs_of
 from clpeel.rendering.estimates import estimated_seconds, work_of
 from clpeel.rendering.options import Lighting
 from clpeel.scene.demo import DIRECTION, ZOOM, demo_scene
@@ -184,8 +184,10 @@ def main() -> None:
         print(f"{label} done", file=sys.stderr, flush=True)
     if options.fit:
         # The costs of a walk are fitted first, because the work of the techniques is expressed in them.
-        costs.RECORD, costs.VISIT, costs.PIXEL = (float(cost) for cost in fitted(counting))
-        print(f"RECORD, VISIT, PIXEL = {costs.RECORD:.3g}, {costs.VISIT:.3g}, {costs.PIXEL:.3g}")
+        costs = costs_of(counted.tiles.vector_width)
+        for part, cost in zip(("record", "visit", "pixel"), fitted(counting), strict=True):
+            costs.__dict__[part] = float(cost)
+            print(f"{part}={cost:.3g},")
         table = {
             name: fitted(
                 [
@@ -195,12 +197,12 @@ def main() -> None:
             )
             for name, found in rows.items()
         }
-        heads = [field.name for field in fields(costs.Cost)]
+        heads = [field.name for field in fields(Cost)]
         for name, found in table.items():
-            costs_of = ", ".join(f"{head}={value:.3g}" for head, value in zip(heads, found, strict=True))
-            print(f"{name!r:<60} Cost({costs_of})")
-        costs.ALL_OPAQUE_COST.__dict__.update(costs.Cost(*table[OPAQUE_ROW]).__dict__)
-        costs.COSTS.update({name: costs.Cost(*found) for name, found in table.items() if name != OPAQUE_ROW})
+            shown = ", ".join(f"{head}={value:.3g}" for head, value in zip(heads, found, strict=True))
+            print(f"{name!r:<60} Cost({shown})")
+        costs.all_opaque.__dict__.update(Cost(*table.pop(OPAQUE_ROW)).__dict__)
+        costs.drawing.update({name: Cost(*found) for name, found in table.items()})
     print("\nestimates are off by a factor of (half of them at most, all): on the scenes of the fit, on others")
     both = [
         (which.label(variant), one, estimated_seconds(which, counted, lit, variant), whole)

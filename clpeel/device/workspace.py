@@ -46,6 +46,11 @@ class Workspace:
         )
 
     @property
+    def vector_width(self) -> int:
+        """How many float32 values a vector of the device has: 8 with AVX2, 16 with AVX-512, 1 on most GPUs."""
+        return int(self.device.native_vector_width_float)
+
+    @property
     def long_atomics(self) -> bool:
         """Whether the device compares and exchanges integers of 64 bits atomically."""
         return LONG_ATOMICS <= set(self.device.extensions.split())

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from clpeel.device.layout import ALL_LAYERS, TILE_PIXELS
 from clpeel.options import Options
-from clpeel.rendering import costs
-from clpeel.rendering.costs import Cost
+from clpeel.rendering.costs import Cost, Costs, costs_of
 from clpeel.stages.counting import Counted, TileCounts
 from clpeel.techniques import AnyTechnique
 
@@ -39,12 +38,12 @@ class Work:
         )
 
 
-def counting_nanoseconds(records: NDArray[np.int64], visits: NDArray[np.int64]) -> NDArray[np.float64]:
+def counting_nanoseconds(costs: Costs, records: NDArray[np.int64], visits: NDArray[np.int64]) -> NDArray[np.float64]:
     """Nanoseconds that counting takes for a walk over so many records that visits so many strips.
 
     What counting stores of each pixel is not included. records, visits: [n], of n tiles; so is the result.
     """
-    return costs.RECORD * records + costs.VISIT * visits
+    return costs.record * records + costs.visit * visits
 
 
 def work_of(technique: AnyTechnique, tiles: TileCounts, shaded: bool, options: Options, seen: int = ALL_LAYERS) -> Work:
@@ -53,7 +52,7 @@ def work_of(technique: AnyTechnique, tiles: TileCounts, shaded: bool, options: O
     A tile needs the passes for the layers of its own deepest pixel, but no more than `seen` layers: what is behind is
     skipped. shaded: whether colours vary over faces. options: the technique's.
     """
-    totals, records, weights = tiles.totals, tiles.records, tiles.weights
+    costs, totals, records, weights = costs_of(tiles.vector_width), tiles.totals, tiles.records, tiles.weights
     fragments, deepest, visits = totals["fragments"], totals["layers"], totals["visits"]
     opaque_visits, opaque_records = totals["opaque_visits"], totals["opaque_records"]
     if technique.all_surfaces:
@@ -61,7 +60,7 @@ def work_of(technique: AnyTechnique, tiles: TileCounts, shaded: bool, options: O
         opaque_visits = opaque_records = np.zeros_like(records)
     elif tiles.features.surfaces == "opaque":
         drawn = float(weights @ totals["opaque"])
-        walk = float(weights @ counting_nanoseconds(records, opaque_visits))
+        walk = float(weights @ counting_nanoseconds(costs, records, opaque_visits))
         return Work(walk, drawn, 0.0, drawn * shaded, tiles.pixels)
     records = records - opaque_records
     if technique.stores_fragments:
@@ -70,7 +69,8 @@ def work_of(technique: AnyTechnique, tiles: TileCounts, shaded: bool, options: O
         seen = min(seen, sum(peeled))
     needed = np.minimum(deepest, seen)
     passes = np.maximum(technique.passes_for(needed, options), 1)
-    walks = passes * counting_nanoseconds(records, visits) + counting_nanoseconds(opaque_records, opaque_visits)
+    walks = passes * counting_nanoseconds(costs, records, visits)
+    walks += counting_nanoseconds(costs, opaque_records, opaque_visits)
     drawn = np.minimum(fragments, TILE_PIXELS * needed)
     # Light is computed strip by strip. A triangle smaller than a pixel costs a whole strip, too, so strips count here.
     lit = float(weights @ (visits * drawn / np.maximum(fragments, 1))) if shaded else 0.0
@@ -81,15 +81,16 @@ def work_of(technique: AnyTechnique, tiles: TileCounts, shaded: bool, options: O
 def cost_of(technique: AnyTechnique, options: Options, tiles: TileCounts) -> Cost | None:
     """The technique's row of the table, or None if it was not measured."""
     all_opaque = tiles.features.surfaces == "opaque" and not technique.all_surfaces
-    return costs.ALL_OPAQUE_COST if all_opaque else costs.COSTS.get(technique.variant(options))
+    costs = costs_of(tiles.vector_width)
+    return costs.all_opaque if all_opaque else costs.drawing.get(technique.variant(options))
 
 
 def scale_of(counted: Counted) -> float:
     """How many times as long counting took here as it would on the device where the costs were measured."""
-    tiles = counted.tiles
+    tiles, costs = counted.tiles, costs_of(counted.tiles.vector_width)
     visits = tiles.totals["visits"] + tiles.totals["opaque_visits"]
-    expected = float(counting_nanoseconds(tiles.records, visits).sum())
-    return counted.walk_seconds * 1e9 / (expected + costs.PIXEL * tiles.pixels)
+    expected = float(counting_nanoseconds(costs, tiles.records, visits).sum())
+    return counted.walk_seconds * 1e9 / (expected + costs.pixel * tiles.pixels)
 
 
 def estimated_seconds(technique: AnyTechnique, counted: Counted, shaded: bool, options: Options) -> float | None:

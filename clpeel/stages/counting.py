@@ -42,6 +42,7 @@ class TileCounts:
 
     totals: WIDE_TOTALS [n]. records: int64 [n], the lengths of the tiles' lists. weights: float64 [n], how many tiles
     each of these stands for. pixels: the number of pixels of the picture. features: those of its triangles.
+    vector_width: of the device that counted (Workspace.vector_width).
     """
 
     totals: NDArray[np.void]
@@ -49,6 +50,7 @@ class TileCounts:
     weights: NDArray[np.float64]
     pixels: int
     features: Features
+    vector_width: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +142,9 @@ def count_layers(
     return Counted(
         layers=(counts & np.uint32(IS_OPAQUE - 1)).view(np.int32),
         opaque=counts >= np.uint32(IS_OPAQUE),
-        tiles=TileCounts(totals, tiles.tile_pairs, np.ones(len(totals)), width * height, triangles.features),
+        tiles=TileCounts(
+            totals, tiles.tile_pairs, np.ones(len(totals)), width * height, triangles.features, gpu.vector_width
+        ),
         setup_seconds=sum(seconds for stage, seconds in stages.items() if stage != STAGE),
         walk_seconds=stages.get(STAGE, 0.0),
     )
@@ -176,4 +180,4 @@ def look_at_some(gpu: Workspace, triangles: Triangles, batch: Batch) -> TileCoun
     counted = gpu.get(totals, len(chosen), COUNT_TOTALS).astype(WIDE_TOTALS)
     width, height = triangles.size
     weights = times * (total / LOOKED_AT) / records
-    return TileCounts(counted, records, weights, width * height, triangles.features)
+    return TileCounts(counted, records, weights, width * height, triangles.features, gpu.vector_width)

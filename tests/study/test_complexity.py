@@ -22,7 +22,7 @@ from clpeel.command.terminal import HISTOGRAM_ROWS, format_complexity
 from clpeel.errors import InputError
 from clpeel.pictures.colormap import colors_at
 from clpeel.pictures.scale_bar import ticks
-from clpeel.rendering.costs import ALL_OPAQUE_COST, COSTS, Cost
+from clpeel.rendering.costs import NARROW, WIDE, Cost, Costs, costs_of
 from clpeel.rendering.options import BACKGROUND
 from clpeel.study.complexity import Complexity, Need
 from clpeel.techniques import TECHNIQUES
@@ -250,10 +250,18 @@ def test_what_stopping_early_leaves_out() -> None:
 def test_costs_are_those_of_techniques() -> None:
     """A new technique has none until tools/measure_costs.py has measured it. What auto may choose has one."""
     rows = {technique.variant(each): technique for technique in TECHNIQUES.values() for each in technique.variants()}
-    assert COSTS.keys() <= rows.keys()
-    assert {row for row, technique in rows.items() if technique.exact} <= COSTS.keys()
-    for cost in (*COSTS.values(), ALL_OPAQUE_COST):
-        assert isinstance(cost, Cost) and min(cost.__dict__.values()) >= 0 < max(cost.__dict__.values())
+    for costs in (NARROW, WIDE):
+        assert costs.drawing.keys() <= rows.keys()
+        assert {row for row, technique in rows.items() if technique.exact} <= costs.drawing.keys()
+        for cost in (*costs.drawing.values(), costs.all_opaque):
+            assert isinstance(cost, Cost) and min(cost.__dict__.values()) >= 0 < max(cost.__dict__.values())
+        assert min(costs.record, costs.visit, costs.pixel) > 0
+    assert NARROW.drawing.keys() == WIDE.drawing.keys()
+
+
+@pytest.mark.parametrize(("width", "costs"), [(0, NARROW), (1, NARROW), (8, NARROW), (16, WIDE)])
+def test_costs_are_those_of_the_devices_vectors(width: int, costs: Costs) -> None:
+    assert costs_of(width) is costs
 
 
 def test_estimates_grow_with_what_there_is_to_do(lanes: int) -> None:
@@ -263,18 +271,19 @@ def test_estimates_grow_with_what_there_is_to_do(lanes: int) -> None:
     many = clpeel.complexity(soups.stack(np.linspace(1, 7, 64), GLASS).scene(), **call)
     for less, more in zip(few.needs, many.needs, strict=True):
         if less.seconds is None or more.seconds is None:
-            assert (less.technique, ()) not in COSTS
+            assert (less.technique, ()) not in WIDE.drawing
             continue
         assert 0 < less.seconds < more.seconds < 60
 
 
 def test_a_technique_that_was_not_measured_has_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     sort = TECHNIQUES["sort"]
-    monkeypatch.delitem(COSTS, sort.variant(sort.options()))
+    for costs in (NARROW, WIDE):
+        monkeypatch.delitem(costs.drawing, sort.variant(sort.options()))
     found = clpeel.complexity(soups.random(1).scene(), BENCH.camera(), (20, 10))
     for need in found.needs:
         technique = TECHNIQUES[need.technique]
-        assert (need.seconds is None) == (technique.variant(technique.options()) not in COSTS)
+        assert (need.seconds is None) == (technique.variant(technique.options()) not in WIDE.drawing)
     assert " ? " in format_complexity(found.figures())
 
 
