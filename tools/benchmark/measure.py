@@ -16,6 +16,10 @@ from typing import Any
 PLAIN: dict[str, Any] = {"background": (1.0, 1.0, 1.0), "lighting": "none", "samples": 1}
 """What frames are measured with, unless a job says otherwise: as little as there is."""
 
+EDGES = ("edges", "feature_edges", "silhouettes")
+"""Options whose edges a renderer keeps on the device until another choice is made. Each choice has its own renderer
+here: frames are measured, and not the change of the choice."""
+
 ENOUGH_SECONDS = 3.0
 """After this time no new frame begins. Long frames need no repetition to be timed well."""
 
@@ -70,8 +74,8 @@ def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> di
     import clpeel
     from benchmark.makers import CAMERA, make
 
-    made = {str(job["scene"]): job["scene"] for job in jobs}
-    renderers = {key: clpeel.Renderer(make(*scene)) for key, scene in made.items()}
+    keys = [str((job["scene"], [job["options"].get(name) for name in EDGES])) for job in jobs]
+    renderers = {key: clpeel.Renderer(make(*job["scene"])) for key, job in zip(keys, jobs, strict=True)}
     seconds: list[list[float]] = [[] for _ in jobs]
     stats: list[list[dict[str, Any]]] = [[] for _ in jobs]
     before, camera, began = memory("VmRSS"), CAMERA, 0.0
@@ -83,7 +87,7 @@ def frames(jobs: list[dict[str, Any]], count: int, out: str | None = None) -> di
         camera = camera.azimuth(1e-9)
         for place, job in enumerate(jobs):
             result = None  # frees the memory of the previous picture
-            renderer = renderers[str(job["scene"])]
+            renderer = renderers[keys[place]]
             started = time.perf_counter()
             result = renderer.render(camera, (job["size"], job["size"]), **{**PLAIN, **job["options"]})
             spent = time.perf_counter() - started
