@@ -186,25 +186,38 @@ OUTLINE void make_triangles(const Corner *given, Uints source, Uints flags, int 
     store_records(triangles + record, field);
 }
 
-// SHARE_OF: the share of vertex j at the given corner `place`. Registers have no places, so a GPU chooses.
-#if LANES > 1
-#define SHARE_OF(place, j) ((place) == 0 ? share[0][j] : (place) == 1 ? share[1][j] : share[2][j])
-#else
-#define SHARE_OF(place, j) FLOAT_OF(share[place][j])
+// A record's nine weights, or eight of them, are written at once. They need not begin at multiples of their size.
+#if WIDE == RECORD_FIELDS
+typedef uint8 EightWords __attribute__((aligned(4)));
 #endif
 
 // weights[9 record + 3 k + j]: the weight of the face's vertex j at corner k of the record. In perspective it
 // is divided by w, so that interpolation is perspective-correct. share[i][j]: the same at the given corner i.
 OUTLINE void store_weights(global float *weights, uint record, const Arrangement *arrangement, const Floats share[3][3])
 {
-    FOR_EACH_ELEMENT
-        for (int corner = 0; corner < 3; ++corner)
-            for (int j = 0; j < 3; ++j) {
-                float sum = 0.0f;
-                for (int i = 0; i < 3; ++i)
-                    sum += FLOAT_OF(arrangement->moved[corner][i]) * SHARE_OF(INT_OF(arrangement->order[i]), j);
-                weights[9 * (record + k) + 3 * corner + j] = sum;
-            }
+    Uints field[RECORD_FIELDS];
+    UNROLL for (int n = 9; n < RECORD_FIELDS; ++n) field[n] = (Uints)(0);
+    UNROLL for (int j = 0; j < 3; ++j) {
+        Floats at[3];  // of the corners, as they are ordered
+        UNROLL for (int i = 0; i < 3; ++i) {
+            Ints from = arrangement->order[i];
+            at[i] = from == (Ints)(0) ? share[0][j] : from == (Ints)(1) ? share[1][j] : share[2][j];
+        }
+        UNROLL for (int corner = 0; corner < 3; ++corner) {
+            Floats sum = (Floats)(0.0f);
+            UNROLL for (int i = 0; i < 3; ++i) sum += arrangement->moved[corner][i] * at[i];
+            field[3 * corner + j] = AS_UINTS(sum);
+        }
+    }
+    turn(field);
+#if WIDE == RECORD_FIELDS
+    UNROLL for (int k = 0; k < WIDE; ++k) {
+        *(global EightWords *)(weights + 9 * (record + k)) = field[k].lo;
+        weights[9 * (record + k) + 8] = as_float(field[k].s8);
+    }
+#else
+    UNROLL for (int n = 0; n < 9; ++n) weights[9 * record + n] = as_float(field[n]);
+#endif
 }
 
 #endif
