@@ -6,7 +6,7 @@ import os
 from collections.abc import Collection
 from typing import Any
 
-from clpeel.command.toml import NOT_IN_FILES, Keys, read_toml, spelled, unknown
+from clpeel.command.toml import NOT_IN_FILES, Keys, read_toml, said, spelled, unknown
 from clpeel.errors import InputError
 
 VARIABLE = "CLPEEL_CONFIG"
@@ -19,6 +19,8 @@ def users_file() -> str | None:
     if path is None:
         folder = os.environ.get("XDG_CONFIG_HOME") or os.path.join("~", ".config")
         path = os.path.join(os.path.expanduser(folder), "clpeel", "config.toml")
+        if not os.path.isabs(path):  # there is no home, or the variable is to be ignored by its specification
+            return None
         try:
             os.stat(path)
         except (OSError, ValueError):
@@ -45,7 +47,7 @@ def defaults(path: str, command: str, commands: Collection[str], keys: Keys) -> 
             found[name], origins[name] = found_value, path
     for name, table in tables.items():
         if not isinstance(table, dict):
-            raise InputError(f"{path}: {name}: expected a table, [{name}], got {table!r}")
+            raise InputError(f"{path}: {name}: expected a table, [{name}], got {said(table)}")
     where = f"{path}: [{command}]"
     for key, value in spelled(f"{where}: ", tables.get(command, {})).items():
         if key not in keys.actions:

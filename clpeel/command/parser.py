@@ -404,7 +404,7 @@ def tidied(arguments: Sequence[str], parser: Parser) -> Words:
             if not left or left[0] in known or left[0].startswith("--"):
                 return Words([*files[:1], argument], [], [])  # its value is missing, which is the only error to report
             equals, value = "=", left.pop(0)
-        elif argument[:2] in valued and not equals:
+        elif argument[:2] in valued and flag not in valued:
             flag, equals, value = argument[:2], "=", argument[2:]  # as -oFILE
         if flag in valued and equals:
             options.append(f"{valued[flag]}={value}")

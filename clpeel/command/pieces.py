@@ -92,11 +92,11 @@ def _read_each(pieces: Sequence[Piece]) -> list[Scene]:
     from clpeel.reading.load import may_move
     from clpeel.reading.placing import moved_scene, sided
 
-    moving = [piece for piece in pieces if may_move(piece.path)] or pieces  # if none may, it is an error
+    may = [may_move(piece.path) for piece in pieces]
     scenes = []
     sides = None if alike(pieces, ("backface_type",)) else "backface_type"
-    for piece in pieces:
-        moment = _moment(piece) if any(piece is each for each in moving) else {}
+    for piece, moves in zip(pieces, may, strict=True):
+        moment = _moment(piece) if moves or not any(may) else {}  # if none may move, it is an error
         scene = clpeel.load(piece.path, **_looks(piece), **moment)
         if piece.matrix is not None:
             scene = _named(piece, moved_scene, scene, piece.matrix)

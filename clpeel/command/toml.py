@@ -16,6 +16,9 @@ NOT_IN_FILES = ("config", "no_config", "write_scene", "help", "help_all", "versi
 BETWEEN_COLONS = ("background_color", "colormap")
 """Options whose texts have colons between colours."""
 
+NUMBERS_TOO = ("device",)
+"""Options of text that may be a number in a file."""
+
 AGAINST = {
     "no_background": ("background_color",),
     "lighting": ("unlit",),
@@ -89,7 +92,7 @@ def unknown(where: str, key: str, known: Iterable[str]) -> NoReturn:
     hint = (
         f"; did you mean {close[0]}?" if close else f"; expected one of {', '.join(names)}" if len(names) < 20 else ""
     )
-    raise InputError(f"{where}: unknown key '{key}'{hint}")
+    raise InputError(f"{where}: unknown key {ascii(key)}{hint}")
 
 
 @dataclass(frozen=True)
@@ -144,14 +147,14 @@ def text_of(shown: str, value: Any, action: argparse.Action) -> str:
             return between.join(parts)
     if isinstance(value, str):
         return value
-    if is_number(value):
+    if is_number(value) and (action.type is not None or action.dest in NUMBERS_TOO):
         return repr(value)
     raise InputError(f"{shown}: expected {wanted}, got {said(value)}")
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value of a TOML file is a number."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Return whether a value of a TOML file is a number, of at most 64 bits as TOML has them."""
+    return isinstance(value, float) or (isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 63)
 
 
 def said(value: object) -> str:
@@ -160,5 +163,8 @@ def said(value: object) -> str:
         return "a table"
     if isinstance(value, bool):
         return str(value).lower()
-    text = repr(value)
+    try:
+        text = ascii(value)
+    except (ValueError, RecursionError):  # Python writes no whole number of thousands of digits
+        return "a value that is too large"
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from clpeel.command.coloring import COLORING
 from clpeel.command.inputs import load_demo, load_files, make_camera
 from clpeel.command.order import FILE, MOMENT
 from clpeel.command.render import given_options
@@ -73,6 +74,10 @@ def source_of(options: argparse.Namespace) -> Source:
             for value in options.each.get(text, ()):
                 words = FILE if value is None else ",".join(map(repr, value)) if text == "color" else repr(value)
                 yield f"--{text.replace('_', '-')}={words}"
+        for name in COLORING:
+            for value, text in zip(options.each.get(name, ()), options.each_texts.get(name, ()), strict=True):
+                flag = name.replace("_", "-")
+                yield f"--{flag}={text}" if text is not None else f"--{flag}" if value else f"--no-{flag}"
         if options.drop_duplicates:
             yield "--drop-duplicates"
 

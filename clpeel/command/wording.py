@@ -39,9 +39,9 @@ def in_words_of_the_command(message: str, options: argparse.Namespace) -> str:
     rest = message.removeprefix(f"{place}: " if place else "")
     rest = re.sub(r"; it has camera, .*", "; 'clpeel techniques' lists those of each", rest)
     rest = re.sub(r"; use math\.degrees\(\.\.\.\)", "", rest)
-    for name, flag in flags.items():
-        rest = re.sub(rf"\b{name}=(?:True|False)\b", flag, rest)
-        rest = re.sub(rf"\b{name}='?([\w.]+)'?", rf"{flag} \1", rest)
+    for name, flag in ({} if rest.startswith("--") else flags).items():
+        rest = re.sub(rf"(?<!['\w/]){name}=(?:True|False)\b", flag, rest)
+        rest = re.sub(rf"(?<!['\w/]){name}='?([\w.]+)'?", rf"{flag} \1", rest)
     found = re.match(r"(?:--)?([a-z][\w -]*): ", rest)
     known = found and (flags.get(found[1]) or flags.get(found[1].replace("-", "_")))
     if found is None or known is None:

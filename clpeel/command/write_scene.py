@@ -34,6 +34,8 @@ def prepared(options: argparse.Namespace) -> Callable[[], None] | None:
     for name in options.named:
         if is_scene_file(name):
             raise InputError(f"--write-scene: expected mesh files, got the scene file '{name}'")
+    if path == options.output == "-":
+        raise InputError("--write-scene: expected a file of its own, got '-', where the picture goes")
     target = check_writable(path, "--write-scene")
     check_apart({"--write-scene": target, "--output": options.output}, options.inputs)
     text = scene_text(options, path).encode()
@@ -48,7 +50,7 @@ def prepared(options: argparse.Namespace) -> Callable[[], None] | None:
 
 def scene_text(options: argparse.Namespace, path: str) -> str:
     """Return the text of the scene file, which will be at `path`. Raises InputError if a name is not Unicode."""
-    lines = [HEAD]
+    found: dict[str, str] = {}
     for flag, text in options.words:
         name = flag.removeprefix("--")
         plain = name.replace("-", "_")
@@ -56,8 +58,8 @@ def scene_text(options: argparse.Namespace, path: str) -> str:
             continue
         if plain in PATHS and text not in (None, "-"):
             text = _relative(text, path)
-        lines.append(f"{name} = {'true' if text == '-' and plain == 'stats' else _value(plain, text)}")
-    lines = [*dict.fromkeys(lines)]
+        found[name] = "true" if text == "-" and plain == "stats" else _value(plain, text)
+    lines = [HEAD, *(f"{name} = {value}" for name, value in found.items())]
     for k, file in enumerate(options.files):
         lines += ["", "[[mesh]]", f"path = {_quoted(_relative(file, path))}"]
         for option, texts in options.each_texts.items():

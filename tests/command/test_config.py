@@ -42,6 +42,9 @@ def test_where_it_is(users: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (users.parent.parent / ".config").mkdir()
     users.parent.rename(users.parent.parent / ".config" / "clpeel")
     assert config.users_file() == str(users.parent.parent / ".config" / "clpeel" / "config.toml")
+    monkeypatch.chdir(users.parent.parent)
+    monkeypatch.setenv("XDG_CONFIG_HOME", ".config")
+    assert config.users_file() is None  # such a variable is to be ignored, says its specification
     monkeypatch.setenv(config.VARIABLE, "other.toml")
     assert config.users_file() == "other.toml"
 

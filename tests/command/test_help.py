@@ -9,7 +9,8 @@ from conftest import printed
 
 from clpeel.command.everyday import EVERYDAY
 from clpeel.command.main import main
-from clpeel.command.parser import make_parser
+from clpeel.command.parser import make_parser, parse
+from clpeel.command.wording import in_words_of_the_command
 
 
 def shown(capfd: pytest.CaptureFixture[str], *words: str) -> list[str]:
@@ -78,3 +79,21 @@ def test_errors_are_in_the_words_of_the_command(
     assert main(["render", str(squares), *words.split(), "-o", f"{tmp_path}/out.png"]) == 2
     _, lines = printed(capfd)
     assert len(lines) == 1 and lines[0].startswith(f"clpeel: error: {error}"), lines
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("size: expected at most 9", "--resolution: expected at most 9"),
+        ("layers_per_pass: expected 1..64, got 0", "--layers: expected 1..64, got 0"),
+        ("racing_writes: expected execution='passes' with it", "--racing-writes: expected --execution passes with it"),
+        ("a.ply: size: expected", "a.ply: --resolution: expected"),
+        ("a.ply: no such file", "a.ply: no such file"),
+        ("output: cannot write 'size=3.png'", "--output: cannot write 'size=3.png'"),
+        ("--stats: the folder size=3 does not exist", "--stats: the folder size=3 does not exist"),
+        ("nothing of ours", "nothing of ours"),
+        ("", ""),
+    ],
+)
+def test_words_of_python_and_of_the_command(said: str, shown: str) -> None:
+    assert in_words_of_the_command(said, parse(["render", "a.ply", "size=3"])) == shown

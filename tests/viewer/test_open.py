@@ -190,3 +190,7 @@ def test_the_source_has_the_words_that_make_the_same_scene() -> None:
     assert source.device == ("--device=0",)
     source = source_of(parser.parse(["view", "a.glb", "--animation-index=2", "--animation-time=0.25"]))
     assert source.scene == ("--animation-index=2", "--animation-time=0.25")
+    source = source_of(
+        parser.parse(["view", "--coloring-array=h", "--categories", "a.ply", "--no-categories", "b.ply"])
+    )
+    assert source.scene == ("--coloring-array=h", "--categories", "--no-categories")
