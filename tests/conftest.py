@@ -22,6 +22,8 @@ settings.register_profile(
 settings.register_profile("ci", settings.get_profile("clpeel"), max_examples=6, derandomize=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.get("CI") else "clpeel"))
 
+os.environ["CLPEEL_CONFIG"] = ""  # no test is drawn by the settings of whoever runs it
+
 SLOW = ("test_drivers", "test_page", "test_notebook", "test_window", "test_bench", "test_oclgrind", "test_rusticl")
 """Files that take minutes. They come first, so that no process is left with one of them when the others are done."""
 

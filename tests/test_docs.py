@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from clpeel.command.parser import _options, make_parser
+from clpeel.command.parser import make_parser
 from clpeel.device.program import kernel_folder
 from clpeel.techniques import TECHNIQUES
 
@@ -68,7 +68,7 @@ def test_the_table_of_options_has_every_flag() -> None:
     """README's table, and the command's help, which is made of the options' own fields."""
     text = (ROOT / "README.md").read_text()
     table = "\n".join(line for line in text.splitlines() if line.startswith("| `-"))
-    flags = {action.option_strings[0] for action in _options(make_parser().commands["render"])}
+    flags = {action.option_strings[0] for action in make_parser().commands["render"].options()}
     assert flags - set(re.findall(r"--[a-z][a-z-]*", table)) <= {"-h", "--help"}
 
 

@@ -37,7 +37,7 @@ class Additions:
         for name in ("grid_unit", "grid_color"):
             if getattr(options, name) is not None and not options.grid:
                 raise InputError(f"--{name.replace('_', '-')}: expected --grid with it, got none")
-        if options.bar and getattr(options, "coloring_array", None) is None:
+        if options.bar and all(piece.options.get("coloring_array") is None for piece in options.pieces):
             raise InputError("--bar: expected --coloring-array with it, got none")
         up = options.up or AXES["Y"]
         found = cls(options.grid, options.axis, options.bar, options.grid_unit, options.grid_color, up)

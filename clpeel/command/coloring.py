@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from typing import Any
 
 from clpeel.command import values
@@ -23,11 +24,14 @@ OPTIONS = {
 
 OPACITIES = ("opacity_array", "opacity_map")
 
+COLORING = ("coloring_array", "coloring_by_cells", *OPTIONS, *OPACITIES)
+"""All options of colours that stand for numbers."""
+
 
 def add_coloring_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of all commands that read files."""
     add = parser.add_argument_group("colours that stand for numbers").add_argument
-    text = "colour by these numbers of the files, of vertices or faces: a property of PLY, a field of PCD, ..."
+    text = "colour by these numbers of vertices or faces: a property of PLY, ..."
     add("--coloring-array", metavar="NAME", help=text)
     add(
         "--coloring-by-cells",
@@ -39,7 +43,7 @@ def add_coloring_options(parser: argparse.ArgumentParser) -> None:
     text = "numbers that have the first and the last colour (default: the least and the greatest)"
     add("--coloring-range", type=values.number_range, metavar="LOW,HIGH", help=text)
     add("--coloring-log-scale", action="store_true", help="map logarithms")
-    text = "colours: a name of matplotlib or cmap, with _r turned round; or a list, blue:white:red (default: viridis)"
+    text = "a name of matplotlib or cmap (_r turns it), or blue:white:red (default: viridis)"
     add("--colormap", type=values.colormap, metavar="NAME", help=text)
     text = "how many colours (default: 256, or those of the list)"
     add("--colormap-discretization", type=values.count, metavar="N", help=text)
@@ -54,16 +58,14 @@ def add_coloring_options(parser: argparse.ArgumentParser) -> None:
     add("--opacity-map", type=values.opacity_map, metavar="NAME", help=text)
 
 
-def given_coloring(options: argparse.Namespace) -> dict[str, Any] | None:
-    """Return the arguments of with_scalars that the options give, or None without --coloring-array.
+def given_coloring(options: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the arguments of with_scalars that the options of a file give, or None without --coloring-array.
 
-    Raises InputError if an option is given without it, or is wrong, as far as that is known without the files.
+    Raises InputError if an option is given without it, or is wrong, as far as that is known without the file.
     """
-    given = {
-        name: value for name in (*OPTIONS, *OPACITIES) if (value := getattr(options, name, None)) not in (None, False)
-    }
-    if getattr(options, "coloring_array", None) is None:
-        alone = [*given, *(["coloring_by_cells"] if getattr(options, "coloring_by_cells", False) else [])]
+    given = {name: value for name in (*OPTIONS, *OPACITIES) if (value := options.get(name)) not in (None, False)}
+    if options.get("coloring_array") is None:
+        alone = [*given, *(["coloring_by_cells"] if options.get("coloring_by_cells") else [])]
         if alone:
             raise InputError(f"--{alone[0].replace('_', '-')}: expected --coloring-array with it, got none")
         return None
@@ -76,6 +78,10 @@ def given_coloring(options: argparse.Namespace) -> dict[str, Any] | None:
     if "colormap" in given:
         sampled(given["colormap"])
     if "opacity_map" in given:
-        transfer(given["opacity_map"], 256)
+        try:
+            transfer(given["opacity_map"], 256)
+        except InputError as error:
+            raise InputError(str(error).replace("opacity: ", "--opacity-map: ", 1)) from None
     found = {OPTIONS.get(name, "opacity"): value for name, value in given.items()}
-    return {**found, "values": options.coloring_array, "preference": "face" if options.coloring_by_cells else "vertex"}
+    preference = "face" if options.get("coloring_by_cells") else "vertex"
+    return {**found, "values": options["coloring_array"], "preference": preference}

@@ -5,21 +5,17 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from clpeel.checks import AXES
-from clpeel.command.coloring import given_coloring
+from clpeel.command.pieces import colorings, read
 from clpeel.command.values import Vector
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
     from clpeel.scene.camera import Camera
     from clpeel.scene.scene import Scene
-
-T = TypeVar("T")
-
-MOMENT = ("animation_index", "animation_time")
-"""The options of a moment of an animation."""
 
 
 def _view_up(options: argparse.Namespace, view: Sequence[float]) -> Vector:
@@ -39,8 +35,6 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
     It is made of a position and a focal point, or it has everything in view. Then azimuth, elevation and zoom are
     applied.
     """
-    from dataclasses import replace
-
     from clpeel.scene.camera import Camera
 
     width, height = options.resolution
@@ -88,32 +82,11 @@ def make_camera(options: argparse.Namespace, scene: Scene) -> Camera:
 
 def load_files(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
     """Return a function that reads the named files, and a name for them. Raises InputError if an option is wrong."""
-    coloring = given_coloring(options)
+    colorings(options.pieces)
 
     def load() -> Scene:
-        import clpeel
-
-        scene = read()
-        return scene if coloring is None else clpeel.with_scalars(scene, **coloring)
-
-    def read() -> Scene:
-        import clpeel
-
-        extra: dict[str, Any] = {"drop_duplicates": True} if options.drop_duplicates else {}
-        moment = {name: getattr(options, name) for name in MOMENT if getattr(options, name) is not None}
-        opacities, colors = options.opacity or [None], options.color or [None]
-        if len(opacities) == len(colors) == 1:
-            return clpeel.load(*options.files, opacity=opacities[0], color=colors[0], **moment, **extra)
-        from clpeel.reading.load import may_move
-
-        moving = {file for file in options.files if may_move(file)} or {*options.files}  # if none may, it is an error
-        count = len(options.files)
-        each = zip(options.files, _for_each(opacities, count), _for_each(colors, count), strict=True)
-        scenes = [
-            clpeel.load(file, opacity=opacity, color=color, **(moment if file in moving else {}))
-            for file, opacity, color in each
-        ]
-        return clpeel.load(*scenes, **extra)
+        scene = read(options.pieces, options.drop_duplicates)
+        return replace(scene, lights=(*scene.lights, *options.lights)) if options.lights else scene
 
     return load, ", ".join(os.path.basename(name) for name in options.files)
 
@@ -139,15 +112,10 @@ def load_demo(options: argparse.Namespace) -> tuple[Callable[[], Scene], str]:
             from clpeel.scene.demo import demo_scene
 
             scene = demo_scene()
-        (opacity,), (color,) = options.opacity or [None], options.color or [None]
+        opacity, color = (options.pieces[0].options.get(name) for name in ("opacity", "color"))
         return scene if opacity is None and color is None else clpeel.load(scene, opacity=opacity, color=color)
 
     if not (options.camera_position or options.camera_direction or options.up):
         options.camera_direction = DIRECTION
         options.camera_zoom_factor = options.camera_zoom_factor or (None if options.boxes else ZOOM)
     return load, "the boxes" if options.boxes else "the demo"
-
-
-def _for_each(given: list[T], count: int) -> list[T]:
-    """Return a list with a value for each file. A single value is repeated for all files."""
-    return given * count if len(given) == 1 else given

@@ -14,9 +14,17 @@ from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 
 from clpeel.command.parser import parse
-from clpeel.command.streams import fill_standard_streams, print_text, quiet_libraries, say, silence, standard_output
+from clpeel.command.streams import (
+    fill_standard_streams,
+    print_text,
+    quiet_libraries,
+    say,
+    say_notes,
+    silence,
+    standard_output,
+)
 from clpeel.command.terminal import EXIT_BROKEN_PIPE, EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_TERMINATED
-from clpeel.errors import ClpeelError
+from clpeel.errors import ClpeelError, InputError
 
 
 def run_table(options: argparse.Namespace) -> int:
@@ -57,6 +65,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "compare": _in("study", "run_compare"),
     "complexity": _in("study", "run_complexity"),
     "warm-up": _in("warm_up", "run_warm_up"),
+    "completion": _in("completion", "run_completion"),
     "techniques": run_table,
     "devices": run_devices,
     "report": run_table,
@@ -119,7 +128,28 @@ def _run(arguments: Sequence[str]) -> int:
             options = parse(arguments)
     except SystemExit as end:  # after --help and --version
         return int(end.code or 0)
-    return COMMANDS[options.command](options)
+    from clpeel.command.write_scene import prepared
+
+    _say_where_from(options)
+    write_scene = prepared(options)
+    try:
+        code = COMMANDS[options.command](options)
+    except InputError as error:
+        from clpeel.command.wording import in_words_of_the_command
+
+        raise InputError(in_words_of_the_command(str(error), options)) from error
+    if write_scene is not None and code == 0:
+        write_scene()
+    return code
+
+
+def _say_where_from(options: argparse.Namespace) -> None:
+    """Say which options a file gives that the command does not have, and with --verbose where each value comes from."""
+    if not getattr(options, "quiet", False):
+        say_notes(options.notes)
+    if getattr(options, "verbose", False):
+        for name, where in options.origins.items():
+            say(f"{name.replace('_', '-')} from {where}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

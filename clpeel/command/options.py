@@ -140,11 +140,11 @@ def _add_scene_options(group: argparse._ArgumentGroup, resolution: str, of: str 
         type=values.background,
         default=BACKGROUND,
         metavar="COLOR",
-        help=f"{PICTURE['background'].help} (default: {shown}, a light grey)",
+        help=f"{PICTURE['background'].help} (default: {shown})",
     )
-    text = "{} of every surface, in place of the file's; once for all files, or once for each, in order"
-    add("--opacity", action="append", type=values.opacity, metavar="0..1", help=text.format("opacity"))
-    add("--color", action="append", type=values.surface_color, metavar="COLOR", help=text.format("colour"))
+    text = "{} of every surface; once for all, or before each file ('file': its own)"
+    add("--opacity", type=values.opacity, metavar="0..1", help=text.format("opacity"))
+    add("--color", type=values.surface_color, metavar="COLOR", help=text.format("colour"))
     for name in MARKS:
         add_option(group, PICTURE[name])
     lighting = PICTURE["lighting"]
@@ -179,7 +179,7 @@ def _add_camera_options(parser: argparse.ArgumentParser) -> None:
         "--camera-direction",
         type=values.view_direction,
         metavar="X,Y,Z",
-        help="where it looks; also an axis: +X, -Z, or a view: iso, xy, -xz (default: -Z; a flat scene at its face)",
+        help="where it looks; also an axis: +X, -Z, or a view: iso, xy, -xz (default: front)",
     )
     add("--camera-azimuth-angle", type=values.number, default=0.0, metavar="DEGREES", help="then turn about the up")
     add("--camera-elevation-angle", type=values.number, default=0.0, metavar="DEGREES", help="then rise")
@@ -214,7 +214,7 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int | None) ->
 
 def _add_technique_options(group: argparse._ArgumentGroup) -> None:
     """Add the technique, and the options of techniques and of all pictures that stand beside it."""
-    text = "default: sort, exact; auto: what this picture needs; 'clpeel techniques' lists them"
+    text = "default: sort, exact; auto: what it takes; 'clpeel techniques' lists them"
     group.add_argument("--technique", default="sort", metavar="NAME", help=text)
     for each in (*technique_options().values(), *(PICTURE[name] for name in METHOD)):
         add_option(group, each)
@@ -265,6 +265,17 @@ def _add_messages_options(group: argparse._ActionsContainer) -> None:
     add("--no-progress", action="store_true", help="no progress bar (it shows on a terminal, on long work)")
     add("--quiet", action="store_true", help="print errors only")
     add("--verbose", action="store_true", help="say what is done; on an error, show the whole trace")
+
+
+def add_settings_options(parser: argparse.ArgumentParser, scene: bool = False) -> None:
+    """Add the options that all commands have: where their defaults come from. scene: of one that draws a scene file."""
+    add = parser.add_argument
+    text = "defaults of options, in place of those of your ~/.config/clpeel/config.toml"
+    add("--config", metavar="FILE.toml", help=text)
+    add("--no-config", action="store_true", help="no such defaults")
+    if scene:
+        text = "write what this command line says as a scene file, which clpeel render reads, too"
+        add("--write-scene", metavar="FILE.toml", help=text)
 
 
 def add_complexity_options(parser: argparse.ArgumentParser) -> None:

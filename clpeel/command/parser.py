@@ -7,22 +7,25 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Container, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, cast
 
+from clpeel.command.everyday import EVERYDAY
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
-
-FOR_EACH = ("opacity", "color")
-"""Options that may be given once for each file."""
 
 EXAMPLES = """\
 examples:
   clpeel render part.stl -o part.png
   clpeel render body.glb lung.ply --opacity 0.4 --resolution 1920,1080 --camera-direction -1,-0.5,-1 -o scan.png
   clpeel render dragon.ply.gz --unlit --no-background --stats -o dragon.png
+"""
+
+MORE = """\
+'clpeel help render' shows the options of render: --opacity, --camera-direction, --resolution, ...
+
 """
 
 LAYERS = """\
@@ -54,6 +57,12 @@ for common kinds of pictures, in processes of their own, and fails if any is not
 WARM_UP = """\
 Compile the kernels of common kinds of pictures ahead, and keep them: after an installation, or while an image is built.
 Each kind takes a second or less, which the first picture of that kind then need not wait for.
+"""
+
+COMPLETION = """\
+Print a script by which bash, zsh, tcsh or fish complete commands, options, files and the names that options take.
+For bash:  clpeel completion bash > ~/.local/share/bash-completion/completions/clpeel
+Needs: pip install 'clpeel[completion]'
 """
 
 FILES = "FILE... [-o OUT.png] [options]"
@@ -100,6 +109,7 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
         WARM_UP,
         None,
     ),
+    "completion": ("print what makes a shell complete clpeel's commands and options", "SHELL", COMPLETION, None),
     "techniques": ("list the techniques and their options", "", "", None),
     "devices": ("list the OpenCL devices, the default one marked; or check them", "[options]", DEVICES, None),
     "report": ("print versions and devices, for a bug report", "", "", None),
@@ -119,27 +129,78 @@ class _Help(argparse.HelpFormatter):
     def _format_action_invocation(self, action: argparse.Action) -> str:
         if action.dest == "stats":
             return "--stats[=FILE.json]"
+        if isinstance(action, _Switch):
+            return action.option_strings[0]
         if not action.option_strings or action.nargs == 0:
             return super()._format_action_invocation(action)
         return f"{', '.join(action.option_strings)} {action.metavar}"
+
+    def add_argument(self, action: argparse.Action) -> None:
+        super().add_argument(action)
+        if isinstance(action, argparse._SubParsersAction):  # argparse forgets that commands are indented once more
+            self._action_max_length += self._indent_increment
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return "".join(indent + line for line in text.splitlines(keepends=True))
 
 
 class _Once(argparse.Action):
-    """Stores a value, and refuses a different second value for the same option.
+    """Stores a value, and refuses a different second value for the same option, which would be silently dropped.
 
-    Otherwise one would be silently dropped.
+    Of an option that each file may have a value of its own of, it stores a list of all values.
     """
 
     def __call__(
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, *_: object
     ) -> None:
-        given = vars(namespace).setdefault("given", {})
-        if given.setdefault(self.dest, values) != values:
-            raise argparse.ArgumentError(self, "expected once, got two that differ")
-        setattr(namespace, self.dest, values)
+        keep(self, namespace, values)
+
+
+class _Switch(argparse.Action):
+    """Stores `const` where its flag is given, and its default where `undo` is given: --no-grid undoes --grid."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **given: Any) -> None:
+        flag = option_strings[0]
+        self.undo = f"--{flag[5:]}" if flag.startswith("--no-") else f"--no-{flag[2:]}"
+        if self.undo in ("--background", "--config"):  # the first means --background-color, the second is an option
+            self.undo = flag
+        super().__init__([*dict.fromkeys((*option_strings, self.undo))], dest, nargs=0, **{"const": True, **given})
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        flag: str | None = None,
+    ) -> None:
+        keep(self, namespace, self.default if flag == self.undo != self.option_strings[0] else self.const)
+
+
+class _StoreTrue(_Switch):
+    """A switch that is False where it is not given."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **given: Any) -> None:
+        super().__init__(option_strings, dest, **{"default": False, **given})
+
+
+def keep(action: argparse.Action, namespace: argparse.Namespace, value: object) -> None:
+    """Store a value of an option. Raises ArgumentError if it differs from an earlier one."""
+    from clpeel.command.order import EACH
+
+    given: dict[str, list[object]] = vars(namespace).setdefault("given", {})
+    values = given.setdefault(action.dest, [])
+    if values and action.dest not in EACH and values[0] != value:
+        raise argparse.ArgumentError(action, "expected once, got two that differ")
+    values.append(value)
+    setattr(namespace, action.dest, value)
+
+
+class _HelpAll(argparse.Action):
+    """`--help-all`: the help with all options."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(cast(Parser, parser).format_help(full=True), end="")
+        parser.exit()
 
 
 class Parser(argparse.ArgumentParser):
@@ -148,9 +209,40 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **options: Any) -> None:
         super().__init__(formatter_class=_Help, allow_abbrev=False, **options)
         self.register("action", None, _Once)
+        self.register("action", "store_true", _StoreTrue)
+        self.register("action", "store_const", _Switch)
         self.known: set[str] = set()  # the options of all commands
-        self.valued: dict[str, str] = {}  # for each option that takes a value, its long name
+        self.common: frozenset[str] = frozenset()  # the names of the options of `render`
         self.commands: dict[str, Parser] = {}
+
+    def options(self) -> Iterator[argparse.Action]:
+        """Yield the options of the parser and of its commands."""
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                for command in action.choices.values():
+                    yield from command.options()
+            elif action.option_strings:
+                yield action
+
+    def format_help(self, full: bool = False) -> str:
+        """Return the help. Of a command it has the everyday options, or with `full` all."""
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
+        formatter.add_text(self.description)
+        positional, own, *others = self._action_groups
+        hidden = 0
+        for group in (positional, *others, own):
+            shown = [
+                each for each in group._group_actions if full or each.dest in EVERYDAY or each.dest not in self.common
+            ]
+            hidden += len(group._group_actions) - len(shown)
+            formatter.start_section(group.title)
+            formatter.add_arguments(shown)
+            formatter.end_section()
+        if hidden:
+            formatter.add_text(f"{hidden} more options: {self.prog} --help-all")
+        formatter.add_text(self.epilog)
+        return formatter.format_help()
 
     def print_help(self, file: SupportsWrite[str] | None = None) -> None:
         print(self.format_help(), end="", file=file)  # argparse's own method hides a failure to print
@@ -163,7 +255,9 @@ class Parser(argparse.ArgumentParser):
             message += f", got '{wrong[1]}'"
             if "." in wrong[1]:
                 message += f"; to make a picture of a file: clpeel render {wrong[1]}"
-        message = re.sub(r"^argument (--[\w-]+)(?:/-\w)?", r"\1", message)
+        message = re.sub(r"^argument (-[\w-]+)(?:/-[\w-]+)*", r"\1", message)
+        message = re.sub(r"ignored explicit argument (.*)", r"expected no value, got \1", message)
+        message = re.sub(r"the following arguments are required: (\w+)", r"expected \1, got none", message)
         unknown = re.match(r"unrecognized arguments: (-[\w-]+)", message)
         if unknown:
             import difflib
@@ -172,6 +266,7 @@ class Parser(argparse.ArgumentParser):
             message = f"unknown option {unknown[1]}" + (f"; did you mean {close[0]}?" if close else "")
             if unknown[1] in self.known:
                 message = f"this command has no option {unknown[1]}"
+        message = re.sub(r"^unrecognized arguments: (.*)", r"expected no file, got \1", message)
         raise InputError(f"{message} (see {self.prog} --help)")
 
 
@@ -195,7 +290,7 @@ def make_parser(bare: bool = False) -> Parser:
         prog="clpeel",
         usage="clpeel COMMAND [options]",
         description="Exact pictures of transparent meshes on any OpenCL device: no GPU, no display needed.",
-        epilog=EXAMPLES,
+        epilog=MORE + EXAMPLES,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     commands = parser.add_subparsers(
@@ -215,6 +310,7 @@ def make_parser(bare: bool = False) -> Parser:
 def _add_options(parser: Parser) -> None:
     """Add the options of all commands."""
     from clpeel.command import options
+    from clpeel.command.order import EACH, or_file
 
     of = parser.commands
     for name, done in (("render", "drawn"), ("layers", "peeled"), ("complexity", "counted"), ("compare", "drawn")):
@@ -228,73 +324,95 @@ def _add_options(parser: Parser) -> None:
     options.add_boxes_options(of["demo"])
     options.add_warm_up_options(of["warm-up"])
     options.add_check_options(of["devices"])
+    of["completion"].add_argument("shell", metavar="SHELL", help="bash, zsh, tcsh or fish")
     for name in TABLES:
         of[name].add_argument("--verbose", action="store_true", help="on an error, show the whole trace")
-    for action in _options(parser):
-        parser.known.update(action.option_strings)
-        if action.nargs is None:
-            parser.valued.update(dict.fromkeys(action.option_strings, action.option_strings[0]))
-    for command in parser.commands.values():
-        command.known = parser.known
+    for name, command in of.items():
+        options.add_settings_options(command, scene=name == "render")
+        command.add_argument("--help-all", action=_HelpAll, nargs=0, help="show the help with all options, and exit")
+    for action in parser.options():
+        undo = {action.undo} - {*action.option_strings[:1]} if isinstance(action, _Switch) else set()
+        parser.known.update({*action.option_strings} - undo)
+        if action.dest in EACH and not isinstance(action, _Switch):
+            action.type = or_file(cast(Any, action.type))
+    common = frozenset(action.dest for action in of["render"]._actions)
+    for command in of.values():
+        command.known, command.common = parser.known, common
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """Return the options that the arguments give.
+    """Return the options that the arguments, the user's settings and scene files give.
 
-    Raises SystemExit after --help and --version, and InputError if the arguments are wrong.
+    Raises SystemExit after --help and --version, and InputError if the arguments or the files are wrong.
     """
+    if arguments[:1] == ["help"]:
+        arguments = [*arguments[1:], "--help"]
     parser = make_parser(bare=all(argument in ("-h", "--help") for argument in arguments))
-    options, unknown = parser.parse_known_args(tidy(arguments, parser.known, parser.valued))
+    words = tidied(arguments, parser)
+    options, unknown = parser.parse_known_args(words.arguments)
     if options.command is None and not unknown:
         parser.print_help()
         parser.exit()
     command = parser.commands.get(options.command, parser)  # errors name this command's help
     if unknown:
         command.error(f"unrecognized arguments: {' '.join(unknown)}")
-    for name in FOR_EACH:
-        given, files = len(getattr(options, name, None) or ()), len(getattr(options, "files", ()))
-        if given > 1 and given != files:
-            wanted = f"once for all files, or once for each of the {files}" if files > 1 else "once"
-            command.error(f"--{name}: expected {wanted}, got {given} of them")
-    return options
+    from clpeel.command.given import complete
+
+    try:
+        return complete(options, words, parser)
+    except InputError as error:
+        raise InputError(
+            f"{error} (see {command.prog} --help)" if str(error).startswith("--") else str(error)
+        ) from None
 
 
-def tidy(arguments: Sequence[str], known: Container[str], valued: Mapping[str, str]) -> list[str]:
+class Words(NamedTuple):
+    """The words of a command line. arguments: in the order and form that argparse understands.
+
+    options: each option as it was given: its flag, its text, or None for a switch, and how many files stand before it.
+    files: the files, without the command's name.
+    """
+
+    arguments: list[str]
+    options: list[tuple[str, str | None, int]]
+    files: list[str]
+
+
+def tidied(arguments: Sequence[str], parser: Parser) -> Words:
     """Bring a command's arguments into the order and form that argparse understands: options first, as `--opt=value`.
 
     Otherwise argparse would take a value that begins with a minus for an option (`--camera-position -1,0,2`). It would
     take whatever comes next for an optional value (`--stats FILE`). And it would refuse files on both sides of an
     option.
-    known: all options. valued: the long names of the options that take a value.
     """
+    known = {flag: action for action in parser.options() for flag in action.option_strings}
+    valued = {flag: action.option_strings[0] for flag, action in known.items() if action.nargs is None}
     options: list[str] = []
+    given: list[tuple[str, str | None, int]] = []
     files: list[str] = []
     left = list(arguments)
     while left:
         argument = left.pop(0)
+        flag, equals, value = argument.partition("=")
+        before = max(len(files) - 1, 0)
         if argument == "--":
             files += left
             break
         if argument == "--stats":
-            options.append("--stats=-")
+            flag, equals, value = "--stats", "=", "-"
         elif argument in valued:
             if not left or left[0] in known or left[0].startswith("--"):
-                return [*files[:1], argument]  # its value is missing, and that is the only error to report
-            value = left.pop(0)
-            options.append(f"{valued[argument]}={value}")
+                return Words([*files[:1], argument], [], [])  # its value is missing, which is the only error to report
+            equals, value = "=", left.pop(0)
+        elif argument[:2] in valued and flag not in valued:
+            flag, equals, value = argument[:2], "=", argument[2:]  # as -oFILE
+        if flag in valued and equals:
+            options.append(f"{valued[flag]}={value}")
+            given.append((valued[flag], value, before))
         elif argument.startswith("-") and argument != "-":
             options.append(argument)
+            given.append((argument, None, before))
         else:
             files.append(argument)
-    command = files[:1]
-    return [*command, *options, *(["--"] if any(name.startswith("-") for name in files) else []), *files[1:]]
-
-
-def _options(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Yield the options of the parser and of its commands."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                yield from _options(command)
-        elif action.option_strings:
-            yield action
+    dashes = ["--"] if any(name.startswith("-") for name in files) else []
+    return Words([*files[:1], *options, *dashes, *files[1:]], given, files[1:])

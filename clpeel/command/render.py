@@ -124,7 +124,7 @@ def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
     found = _Outputs(output, stats, None if options.map is None else check_map(options.map, maps))
     if layers and stats and os.path.dirname(stats) == output and re.fullmatch(LAYER_FILES, os.path.basename(stats)):
         raise InputError(f"--stats: expected a file of its own, got '{options.stats}', which is that of a layer")
-    check_apart({"--output": output, "--stats": stats, "--map": found.map}, getattr(options, "files", ()))
+    check_apart({"--output": output, "--stats": stats, "--map": found.map}, options.inputs)
     return found
 
 

@@ -42,7 +42,7 @@ def run_compare(options: argparse.Namespace) -> int:
     if list(files.values()).count("-") > 1:
         raise InputError("-: expected one of --json, --csv and --html on standard output, got several")
     files = {name: check_writable(path, f"--{name}") for name, path in files.items()}
-    check_apart({f"--{name}": path for name, path in files.items()}, options.files)
+    check_apart({f"--{name}": path for name, path in files.items()}, options.inputs)
     if "-" not in files.values() and not (options.quiet and files):
         check_standard_output()  # the table goes there
 
@@ -100,7 +100,7 @@ def run_complexity(options: argparse.Namespace) -> int:
     figures_output = None if options.json is None else check_writable(options.json, "--json")
     if figures_output == "-":
         raise InputError("--json: expected a file of its own, got '-'")
-    check_apart({"--output": output, "--json": figures_output}, options.files)
+    check_apart({"--output": output, "--json": figures_output}, options.inputs)
     if output != "-" and not options.quiet:
         check_standard_output()  # the figures go there
     if options.opaque not in ("first", "blend"):

@@ -6,7 +6,9 @@ import argparse
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from clpeel.command.inputs import MOMENT, load_demo, load_files, make_camera
+from clpeel.command.coloring import COLORING
+from clpeel.command.inputs import load_demo, load_files, make_camera
+from clpeel.command.order import FILE, MOMENT
 from clpeel.command.render import given_options
 from clpeel.command.streams import quiet_libraries, say, say_notes
 from clpeel.command.terminal import Progress
@@ -68,15 +70,16 @@ def source_of(options: argparse.Namespace) -> Source:
     from clpeel.viewer.command_line import Source
 
     def scene() -> Iterator[str]:
-        for opacity in options.opacity or ():
-            yield f"--opacity={opacity!r}"
-        for color in options.color or ():
-            yield f"--color={','.join(map(repr, color))}"
+        for text in ("opacity", "color", *MOMENT):
+            for value in options.each.get(text, ()):
+                words = FILE if value is None else ",".join(map(repr, value)) if text == "color" else repr(value)
+                yield f"--{text.replace('_', '-')}={words}"
+        for name in COLORING:
+            for value, text in zip(options.each.get(name, ()), options.each_texts.get(name, ()), strict=True):
+                flag = name.replace("_", "-")
+                yield f"--{flag}={text}" if text is not None else f"--{flag}" if value else f"--no-{flag}"
         if options.drop_duplicates:
             yield "--drop-duplicates"
-        for name in MOMENT:
-            if getattr(options, name) is not None:
-                yield f"--{name.replace('_', '-')}={getattr(options, name)!r}"
 
     def device() -> Iterator[str]:
         for name in ("device", "lanes"):
@@ -92,4 +95,4 @@ def _words(options: argparse.Namespace) -> Sequence[str]:
         return ("demo", "--boxes", *([] if every is None else [f"--transparent-every={every}"]))
     if options.demo:
         return ("demo",)
-    return ("render", *(f"./{name}" if name.startswith("-") else name for name in options.files))
+    return ("render", *(f"./{name}" if name.startswith("-") else name for name in options.named))

@@ -30,5 +30,5 @@ class Peeling(Bounded):
         """Raises InputError if nothing would end the passes."""
         if self.passes is None and not self.occlusion_query:
             raise InputError(
-                "occlusion_query: expected passes=N with it off, as nothing else ends the passes; got no passes"
+                "passes: expected a number with occlusion_query=False, as nothing else ends the passes; got none"
             )

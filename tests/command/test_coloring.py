@@ -113,12 +113,12 @@ def test_a_map_has_no_bar_and_one_line_says_so(square: Path, capfd: pytest.Captu
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        (["--coloring-array=x"], "scalars: expected an array of the scene, height, fade, part; got 'x'"),
+        (["--coloring-array=x"], "--coloring-array: expected an array of the scene, height, fade, part; got 'x'"),
         (["--colormap=gray"], "--colormap: expected --coloring-array with it, got none"),
         (["--coloring-by-cells"], "--coloring-by-cells: expected --coloring-array with it, got none"),
         (["--bar"], "--bar: expected --coloring-array with it, got none"),
         (["--opacity-map=linear"], "--opacity-map: expected --coloring-array with it, got none"),
-        (["--coloring-array=height", "--colormap=virdis"], "cmap: expected a name of"),
+        (["--coloring-array=height", "--colormap=virdis"], "--colormap: expected a name of"),
         (["--coloring-array=height", "--colormap=red:rad"], "--colormap: expected R,G,B in 0..1"),
         (
             ["--coloring-array=height", "--coloring-range=2,1"],
@@ -126,7 +126,7 @@ def test_a_map_has_no_bar_and_one_line_says_so(square: Path, capfd: pytest.Captu
         ),
         (["--coloring-array=height", "--coloring-component=-2"], "--coloring-component: expected a whole number"),
         (["--coloring-array=height", "--opacity-map=linar"], "got 'linar'; did you mean linear?"),
-        (["--coloring-array=height", "--opacity-map=1,2"], "opacity: expected numbers 0..1, got 1 to 2"),
+        (["--coloring-array=height", "--opacity-map=1,2"], "--opacity-map: expected numbers 0..1, got 1 to 2"),
         (
             ["--coloring-array=height", "--opacity-map=linear", "--opacity-array=fade"],
             "--opacity-array: expected no --opacity-map with it, got both",

@@ -134,7 +134,7 @@ def test_answers_without_heavy_imports(arguments: list[str]) -> None:
 
 
 def test_help_is_ascii_and_names_every_option() -> None:
-    text = run("render", "--help").stdout.decode("ascii")
+    text = run("render", "--help-all").stdout.decode("ascii")
     for option in (
         "--output -o --drop-duplicates --animation-index --animation-time "
         "--resolution --opacity --color --background-color --no-background --unlit "
@@ -186,9 +186,9 @@ def test_runs_against_the_installed_package() -> None:
         ("--camera-zoom-factor", "1.5", 1.5),
         ("--clipping-range", "0.1,10", (0.1, 10)),
         ("--clipping-range", "-1,10", (-1, 10)),
-        ("--opacity", "0.6", [0.6]),
-        ("--color", "1,0.5,0", [(1, 0.5, 0)]),
-        ("--color", "#ff0000", [(1, 0, 0)]),
+        ("--opacity", "0.6", 0.6),
+        ("--color", "1,0.5,0", (1, 0.5, 0)),
+        ("--color", "#ff0000", (1, 0, 0)),
         ("--background-color", "white", (1, 1, 1)),
         ("--background-color", "white:0,0.5,1", ((1, 1, 1), (0, 0.5, 1))),
         ("--technique", "sort", "sort"),
@@ -204,7 +204,8 @@ def test_both_forms_of_an_option(form: str, option: str, value: str, expected: A
     if option == "-o" and form == "{}={}":
         form = "{}{}"
     dest = {"-o": "output", "--layers": "layers_per_pass"}.get(option, option[2:].replace("-", "_"))
-    assert vars(parse(*form.format(option, value).split(" ")))[dest] == expected
+    options = parse(*form.format(option, value).split(" "))
+    assert {**vars(options), **options.pieces[0].options}[dest] == expected
 
 
 def test_files_may_stand_anywhere() -> None:
@@ -305,10 +306,13 @@ def test_a_wrong_command_is_one_line(arguments: list[str], capfd: Any) -> None:
 
 
 def test_one_opacity_for_all_files_or_one_for_each() -> None:
-    assert parse().opacity is None and parse().color is None
+    assert parse().pieces[0].options == {}
     for between in (["b.ply", "--opacity=.4", "--opacity=.8"], ["--opacity=.4", "b.ply", "--opacity", "0.8"]):
         options = parse(*between, "--color=red")
-        assert (options.files, options.opacity, options.color) == (["a.ply", "b.ply"], [0.4, 0.8], [(1, 0, 0)])
+        assert options.files == ["a.ply", "b.ply"]
+        assert [piece.options for piece in options.pieces] == [
+            {"opacity": opacity, "color": (1, 0, 0)} for opacity in (0.4, 0.8)
+        ]
 
 
 def test_an_option_may_be_repeated_with_the_same_value() -> None:
@@ -828,7 +832,7 @@ def test_a_picture_that_is_blank_before_the_default_is_noted(tmp_path: Path, cap
 
 def test_all_options_of_pictures_have_a_flag() -> None:
     render = command_line.make_parser().commands["render"]
-    flags = {flag for action in command_line._options(render) for flag in action.option_strings}
+    flags = {flag for action in render.options() for flag in action.option_strings}
     elsewhere = {"size": "--resolution", "background": "--background-color", "lighting": "--lighting"}
     not_here = {"keep_color", "layers"}  # the command writes files: one of them for colours, and `clpeel layers`
     for each in options_of(PictureOptions):
@@ -929,7 +933,7 @@ def test_peeling_less_than_there_is_says_what_that_hides(tmp_path: Path, capfd: 
     assert note and int(note[1].replace(",", "")) == stats["truncated_pixels"] > 0
     assert float(note[2]) == pytest.approx(stats["truncation_bound"], rel=0.01)
     assert cli.main(["demo", *given, "--technique=depth-peeling", "--no-occlusion-query", "--coincident=paper"]) == 2
-    assert "occlusion_query: expected passes=N" in capfd.readouterr().err
+    assert "--passes: expected a number with --no-occlusion-query, as" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("technique", [name for name, made in TECHNIQUES.items() if made.maps])
@@ -977,7 +981,10 @@ def test_thickness_on_the_command_line(mesh: Path, tmp_path: Path, capfd: Any) -
         (["--technique=thickness", "--sigma=1"], "sigma: the technique 'thickness' has no such option"),
         (["--technique=translucency", "--sigma=-1"], "--sigma: expected a number of 0 or more, got '-1'"),
         (["--technique=translucency", "--light-color=nocolor"], "--light-color: expected R,G,B"),
-        (["--technique=translucency", "--no-scale-bar"], "scale_bar: the technique 'translucency' has no such option"),
+        (
+            ["--technique=translucency", "--no-scale-bar"],
+            "--no-scale-bar: the technique 'translucency' has no such option",
+        ),
         (["--projected"], "projected: the technique 'sort' has no such option"),
     ],
 )
@@ -1033,14 +1040,14 @@ def test_files_with_lights_are_seen_by_them(mesh: Path, tmp_path: Path, fake: An
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--lighting=moon"], "lighting: expected one of none, headlight, kit, scene; got 'moon'"),
+        (["--lighting=moon"], "--lighting: expected one of none, headlight, kit, scene; got 'moon'"),
         (["--lighting=kit", "--unlit"], "--unlit: expected no --lighting with it, got 'kit'"),
         (
             ["--lighting=scene"],
             "--lighting: expected lights in the file with 'scene', got none; 'kit' has lights of its own",
         ),
         (["--light-intensity=-1"], "--light-intensity: expected a number of 0 or more, got '-1'"),
-        (["--highlights=some"], "highlights: expected one of dimmed, full; got 'some'"),
+        (["--highlights=some"], "--highlights: expected one of dimmed, full; got 'some'"),
     ],
 )
 def test_light_that_cannot_be_is_one_line(words: list[str], says: str, mesh: Path, tmp_path: Path, capfd: Any) -> None:

@@ -164,7 +164,7 @@ def test_built_in_scenes_need_no_file_and_boxes_turn(seen: dict[str, Any]) -> No
         (["--demo", "--boxes"], "got --demo and --boxes"),
         (["x.stl", "--demo"], "got files and --demo"),
         (["--demo", "--transparent-every=2"], "--transparent-every: expected --boxes with it"),
-        (["--boxes", "--transparent-every=1001"], "transparent_every: expected 1..1000"),
+        (["--boxes", "--transparent-every=1001"], "--transparent-every: expected 1..1000"),
         (["--boxes", "--port=65536"], "--port: expected a whole number 0..65535"),
         (["--boxes", "--passes=2"], "passes: the technique 'sort' has no such option"),
         (["--boxes", "--output=x.png"], "unknown option --output|this command has no option --output"),
@@ -190,3 +190,7 @@ def test_the_source_has_the_words_that_make_the_same_scene() -> None:
     assert source.device == ("--device=0",)
     source = source_of(parser.parse(["view", "a.glb", "--animation-index=2", "--animation-time=0.25"]))
     assert source.scene == ("--animation-index=2", "--animation-time=0.25")
+    source = source_of(
+        parser.parse(["view", "--coloring-array=h", "--categories", "a.ply", "--no-categories", "b.ply"])
+    )
+    assert source.scene == ("--coloring-array=h", "--categories", "--no-categories")
