@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from illustrations.examples import Example, examples_of
 from PIL import Image
 
 from clpeel.command.parser import _options, make_parser
@@ -18,6 +19,8 @@ from clpeel.techniques import TECHNIQUES
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
+WORDS_ALONE = ("drivers.md", "from_f3d.md", "pictures.md")
+"""Pages that show no picture."""
 
 
 def plain(code: str) -> str:
@@ -36,25 +39,43 @@ def test_what_is_quoted_is_there(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_pictures_are_there(page: Path) -> None:
     pictures = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.read_text())
-    assert pictures or page.name == "drivers.md"
+    assert pictures or page.name in WORDS_ALONE
     for picture in pictures:
         assert (page.parent / picture).is_file(), picture
 
 
-def examples(page: Path) -> list[tuple[str, str]]:
-    """The Python examples of a page that are marked with the picture they draw: the picture, and the code."""
-    marked = r"^<!-- test: docs/(\S+) -->\n```python\n(.*?)^```"
-    return re.findall(marked, page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+EXAMPLES = [pytest.param(example, id=example.picture) for page in PAGES for example in examples_of(page)]
+BLOCK = re.compile(r"(?:^<!-- (test|run): ([^>]*) -->\n)?^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PLAIN = [
+    pytest.param(code, id=f"{page.name}-{number}")
+    for page in PAGES
+    for number, (mark, _, code) in enumerate(BLOCK.findall(page.read_text(encoding="utf-8")), 1)
+    if not mark
+]
+"""The examples that draw no picture of a page."""
 
 
-@pytest.mark.parametrize("page", ["materials.md", "lines.md", "edges.md", "scalars.md"])
-def test_the_example_of_a_page_draws_its_picture(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    [(picture, code)] = examples(DOCS / page)
-    monkeypatch.chdir(tmp_path)
-    exec(code, {})
-    with Image.open(DOCS / picture) as shown, Image.open(tmp_path / Path(picture).name) as drawn:
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_the_example_of_a_page_draws_its_picture(example: Example, tmp_path: Path) -> None:
+    with Image.open(DOCS / example.picture) as shown, Image.open(example.run(tmp_path)) as drawn:
         off = np.abs(np.asarray(shown.convert("RGB"), int) - np.asarray(drawn.convert("RGB"), int))
     assert off.max() <= 1 and off.size > 3 * 400 * 400
+
+
+@pytest.mark.parametrize("code", PLAIN)
+def test_the_example_of_a_page_runs(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in re.findall(r"^import (\w+)", code, re.MULTILINE):
+        pytest.importorskip(module)
+    monkeypatch.chdir(tmp_path)
+    exec(code, {"__name__": "__main__"})
+
+
+def test_pages_have_examples_and_reasons() -> None:
+    """An example that no test runs is marked `<!-- run: no, REASON -->`."""
+    assert len(EXAMPLES) >= 5 and len(PLAIN) >= 4
+    for page in PAGES:
+        for mark, words, _ in BLOCK.findall(page.read_text(encoding="utf-8")):
+            assert mark != "run" or re.fullmatch(r"no, \w.+", words), f"{page.name}: {words}"
 
 
 def test_every_technique_has_its_picture_section_and_row() -> None:
