@@ -121,8 +121,8 @@ def test_the_list_has_every_entry(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_blocks_of_commands_are_of_clpeel_alone() -> None:
-    assert commands("clpeel demo \\\n  -o a.png\n# a remark\n\nclpeel devices\n") == [
-        ["clpeel", "demo", "-o", "a.png"],
+    assert commands("clpeel demo \\\n  -o #a.png\n# a remark\n\nclpeel devices\n") == [
+        ["clpeel", "demo", "-o", "#a.png"],
         ["clpeel", "devices"],
     ]
     with pytest.raises(ValueError, match="rm -r"):

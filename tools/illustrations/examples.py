@@ -59,9 +59,12 @@ def examples_of(page: Path) -> list[Example]:
 
 
 def commands(code: str) -> list[list[str]]:
-    """Return the commands of a block, split into words. A line that ends with a backslash goes on."""
+    """Return the commands of a block, split into words. A line that ends with a backslash goes on.
+
+    A line that begins with # is a remark. Elsewhere # is part of a word, as in a colour.
+    """
     lines = code.replace("\\\n", " ").splitlines()
-    return [words for line in lines if (words := shlex.split(line, comments=True))]
+    return [words for line in lines if not line.lstrip().startswith("#") and (words := shlex.split(line))]
 
 
 def with_this_python(command: list[str]) -> list[str]:
