@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import json
+import operator
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from illustrations.examples import Example, examples_of
+from illustrations.examples import Example, commands, examples_of
 from PIL import Image
 
-from clpeel.command.parser import _options, make_parser
+import clpeel
+from clpeel.command.parser import _options, make_parser, parse
 from clpeel.device.program import kernel_folder
+from clpeel.rendering.keywords import Keywords
+from clpeel.scene.scalars import Mapped
 from clpeel.techniques import TECHNIQUES
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
-WORDS_ALONE = ("drivers.md", "from_f3d.md", "pictures.md")
+WORDS_ALONE = ("drivers.md", "ecosystem.md", "from_f3d.md", "pictures.md")
 """Pages that show no picture."""
 
 
@@ -42,6 +50,23 @@ def test_pictures_are_there(page: Path) -> None:
     assert pictures or page.name in WORDS_ALONE
     for picture in pictures:
         assert (page.parent / picture).is_file(), picture
+
+
+def anchors(page: Path) -> set[str]:
+    """What may stand behind # in a link to a page: its headings, as GitHub names them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", [*ROOT.glob("*.md"), *PAGES], ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if not re.match(r"[a-z]+:", target):
+            name, _, anchor = target.partition("#")
+            other = (page.parent / name).resolve() if name else page
+            assert other.exists(), f"{page.name}: {target}"
+            assert not anchor or anchor in anchors(other), f"{page.name}: {target}"
 
 
 EXAMPLES = [pytest.param(example, id=example.picture) for page in PAGES for example in examples_of(page)]
@@ -97,3 +122,83 @@ def test_what_editors_know_is_what_there_is() -> None:
     command = [sys.executable, ROOT / "tools" / "write_keywords.py", "--check"]
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
+
+
+def fenced(page: Path) -> list[str]:
+    """The blocks of commands of a page, but for those of f3d."""
+    blocks = re.findall(r"(^<!-- f3d -->\n)?^```(?:sh|bash)\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
+    return [code for other, code in blocks if not other]
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.name)
+def test_commands_of_pages_are_accepted(page: Path) -> None:
+    """What stands in blocks is parsed. In the text, `clpeel COMMAND --flag` needs flags that this command has."""
+    for command in (words for code in fenced(page) for words in commands(code)):
+        if command[0] == "clpeel":
+            options = parse([word for word in command[1:] if word != "&&"])
+            assert options.command
+    known = make_parser().commands
+    for text in re.findall(r"`(clpeel [^`]+)`", page.read_text(encoding="utf-8")):
+        name, *words = text.split()[1:]
+        flags = {word.partition("=")[0].rstrip(".,") for word in words if re.match(r"-{1,2}[a-z]", word)}
+        if name in known:
+            assert flags <= {flag for action in _options(known[name]) for flag in action.option_strings}, text
+
+
+def f3d_rows() -> list[list[str]]:
+    """The cells of the table of options in docs/from_f3d.md, row by row."""
+    lines = (DOCS / "from_f3d.md").read_text(encoding="utf-8").splitlines()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if re.match(r"\| `-", line)]
+
+
+def test_options_beside_those_of_f3d_are_there() -> None:
+    flags = {flag for action in _options(make_parser().commands["render"]) for flag in action.option_strings}
+    rows = f3d_rows()
+    assert len(rows) > 35 and {len(row) for row in rows} == {4}
+    for theirs, _, ours, differs in rows:
+        assert re.fullmatch(r"(`-{1,2}[a-z][a-z-]*(=\w+)?`(, )?)+", theirs), theirs
+        named = re.findall(r"`(--[a-z][a-z-]*)", ours + ("" if "f3d's" in differs else differs))
+        assert set(named) <= flags and (named or differs), theirs
+
+
+def test_names_of_libf3d_are_those_of_f3d() -> None:
+    """In a process of its own, as f3d brings libraries that do not go together with those of this one."""
+    ask = """
+import json
+import f3d
+found = f3d.Options()
+names = ("effect.blending.mode", "effect.antialiasing.mode", "background.color", "grid.color")
+wanted = [f"render.{name}" for name in names]
+print(json.dumps([f3d.__version__, found.get_all_names(), [found[name] for name in wanted]]))
+"""
+    asked = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True)
+    if asked.returncode:
+        pytest.skip(asked.stderr.strip().splitlines()[-1])
+    version, names, (blending, smoothing, background, grid) = json.loads(asked.stdout)
+    if version != "4.0.0":
+        pytest.skip(f"the table is of libf3d 4.0.0, and this is {version}")
+    named = [name.strip("`") for _, name, *_ in f3d_rows() if name]
+    assert len(named) > 20 and set(named) <= set(names)
+    assert blending == smoothing == "none" and max(background) < 0.3 and max(grid) == 0
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.name)
+def test_calls_in_the_text_have_names_and_keywords_that_are_there(page: Path) -> None:
+    """Of `clpeel.render(scene, edges=True)` and the like, in tables and sentences."""
+    for text in re.findall(r"`(clpeel\.[^`]+)`", page.read_text(encoding="utf-8")):
+        try:
+            tree = ast.parse(text.replace("…", "..."))
+        except SyntaxError:
+            continue  # a name of a module with a placeholder, or the like
+        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
+            name = ast.unparse(call.func).removeprefix("clpeel.")
+            if re.fullmatch(r"[\w.]+", name) and name.split(".")[0] in clpeel.__all__:
+                accepted = keywords_of(operator.attrgetter(name)(clpeel))
+                assert {word.arg for word in call.keywords} <= accepted, text
+
+
+def keywords_of(function: Callable[..., object]) -> set[str]:
+    """The keywords that a function of clpeel takes. TypedDicts name those of its `**`."""
+    more = {"options": Keywords, "mapped": Mapped}
+    names = set(inspect.signature(function).parameters)
+    return names | {keyword for name in names & more.keys() for keyword in more[name].__annotations__}
