@@ -21,6 +21,7 @@ from benchmark.report import between_markers
 from illustrations.examples import DOCS
 from illustrations.registry import KINDS, NEEDS, Entry, entries
 
+from clpeel.errors import ClpeelError
 from clpeel.files import write_whole
 
 PAGE = DOCS / "pictures.md"
@@ -121,3 +122,6 @@ if __name__ == "__main__":
         sys.exit(main())
     except KeyboardInterrupt:
         sys.exit(130)
+    except (ClpeelError, OSError, ValueError) as error:
+        say(f"draw_docs: {error}")
+        sys.exit(1)

@@ -8,12 +8,14 @@ interrupted.
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 from illustrations.examples import DOCS, examples_of
 
+from clpeel.errors import ClpeelError
 from clpeel.files import write_whole
 
 
@@ -44,5 +46,8 @@ def main(arguments: list[str] | None = None) -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main())
+    except (ClpeelError, subprocess.CalledProcessError, OSError) as error:
+        print(f"draw_examples: {error}", file=sys.stderr)
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)

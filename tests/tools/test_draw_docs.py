@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import draw_docs as tool
+import draw_examples
 import pytest
 from illustrations import registry, remake
 from illustrations.examples import DOCS, ROOT, Example, commands, examples_of, with_this_python
@@ -136,3 +138,32 @@ def test_blocks_of_commands_are_of_clpeel_alone() -> None:
 def test_an_example_without_a_picture_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="wrote no nothing.png"):
         Example("x/nothing.png", "python", "pass\n").run(tmp_path)
+
+
+def test_no_room_for_a_copy_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise shutil.Error([("a.py", "b.py", "[Errno 28] No space left on device"), ("c.py", "d.py", "and so on")])
+
+    monkeypatch.setattr(shutil, "copytree", full)
+    with pytest.raises(remake.Failed, match=r"^cannot copy the tools: \[Errno 28\] No space left on device$"):
+        remake.remade(Entry("", ("samples/*.png",), "python tools/sample_patterns.py"))
+
+
+@pytest.mark.parametrize("page", ["no such page.md", "'quoted' \u00fc.md"])
+def test_a_page_that_is_not_there_is_an_error(page: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        draw_examples.main([page])
+    assert caught.value.code == 2 and "error: page: no file" in capsys.readouterr().err
+
+
+def test_one_picture_of_a_page_is_drawn_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(draw_examples, "DOCS", tmp_path)
+    page = tmp_path / "page.md"
+    block = (
+        "<!-- test: docs/sub/{0}.png -->\n```python\nimport pathlib; pathlib.Path('{0}.png').write_text('{0}')\n```\n"
+    )
+    page.write_text(block.format("a") + "\n" + block.format("b"))
+    assert draw_examples.main([str(page), "b.png"]) == 0
+    assert (tmp_path / "sub" / "b.png").read_bytes() == b"b" and not (tmp_path / "sub" / "a.png").exists()
+    with pytest.raises(SystemExit):
+        draw_examples.main([str(page), "c.png"])

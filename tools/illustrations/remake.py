@@ -29,8 +29,7 @@ def remade(entry: Entry) -> dict[str, bytes]:
     """
     with tempfile.TemporaryDirectory(prefix="clpeel-docs-") as place:
         root = Path(place)
-        shutil.copytree(ROOT / "tools", root / "tools", ignore=shutil.ignore_patterns("__pycache__"))
-        _copy_pages(root / "docs")
+        _copy_what_it_needs(root)
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(_where_clpeel_is())}
         command = with_this_python(shlex.split(entry.command))
         done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=False)
@@ -43,12 +42,18 @@ def remade(entry: Entry) -> dict[str, bytes]:
         return {file: path.read_bytes() for file, path in sorted(made.items()) if entry.has(file)}
 
 
-def _copy_pages(target: Path) -> None:
-    """Copy the pages, and the folders of pictures without the pictures."""
-    for folder in (DOCS, *(path for path in DOCS.rglob("*") if path.is_dir())):
-        (target / folder.relative_to(DOCS)).mkdir(parents=True)
-    for page in DOCS.glob("*.md"):
-        shutil.copy(page, target)
+def _copy_what_it_needs(root: Path) -> None:
+    """Copy the tools, the pages, and the folders of pictures without the pictures. Raises Failed if it cannot."""
+    try:
+        shutil.copytree(ROOT / "tools", root / "tools", ignore=shutil.ignore_patterns("__pycache__"))
+        for folder in (DOCS, *(path for path in DOCS.rglob("*") if path.is_dir())):
+            (root / "docs" / folder.relative_to(DOCS)).mkdir(parents=True)
+        for page in DOCS.glob("*.md"):
+            shutil.copy(page, root / "docs")
+    except shutil.Error as error:
+        raise Failed(f"cannot copy the tools: {error.args[0][0][2]}") from error
+    except OSError as error:
+        raise Failed(f"cannot copy the pages: {error}") from error
 
 
 def _where_clpeel_is() -> list[str]:
