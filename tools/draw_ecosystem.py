@@ -53,7 +53,47 @@ def plane(plotter: Any) -> None:
     plotter.camera.view_angle = 28
 
 
-PLOTS: dict[str, Callable[[Any], None]] = {"contours": contours, "beam": beam, "plane": plane}
+def hills(plotter: Any) -> None:
+    """Hills, whose opacity and colour follow their height, under water."""
+    mesh = examples.load_random_hills()
+    plotter.add_mesh(mesh, scalars="Elevation", cmap="gist_earth", opacity="linear", smooth_shading=True)
+    plotter.add_mesh(mesh.outline(), color="dimgray", line_width=2)
+    west, east, south, north, low, high = mesh.bounds
+    water = pv.Plane(center=((west + east) / 2, (south + north) / 2, low + 0.2 * (high - low)), i_size=20, j_size=20)
+    plotter.add_mesh(water, color="steelblue", opacity=0.4)
+    plotter.camera_position = "iso"
+
+
+def stream(plotter: Any) -> None:
+    """Streamlines as tubes within a translucent surface of constant speed."""
+    grid = pv.ImageData(dimensions=(31, 31, 31), spacing=(0.2, 0.2, 0.2), origin=(-3, -3, -3))
+    x, y, z = grid.points.T
+    grid["flow"] = np.stack([-y - 0.2 * x, x - 0.2 * y, 0.35 * np.cos(x) - 0.1 * z], axis=1)
+    grid["speed"] = np.linalg.norm(grid["flow"], axis=1)
+    lines = grid.streamlines("flow", n_points=40, source_radius=1.6, max_length=40.0)
+    plotter.add_mesh(lines.tube(radius=0.05), scalars="speed", cmap="plasma", smooth_shading=True)
+    plotter.add_mesh(grid.contour([2.0], scalars="speed"), color="lightblue", opacity=0.3, smooth_shading=True)
+    plotter.add_mesh(grid.outline(), color="black", line_width=2)
+    plotter.camera_position = "iso"
+
+
+def clip(plotter: Any) -> None:
+    """A field, cut in two: one half with its values, the other as glass."""
+    whole = examples.load_uniform()
+    plotter.add_mesh(whole.clip("x"), scalars="Spatial Point Data", cmap="coolwarm")
+    plotter.add_mesh(whole.clip("x", invert=False), color="white", opacity=0.25)
+    plotter.add_mesh(whole.outline(), color="black", line_width=2)
+    plotter.camera_position = "iso"
+
+
+PLOTS: dict[str, Callable[[Any], None]] = {
+    "contours": contours,
+    "beam": beam,
+    "plane": plane,
+    "hills": hills,
+    "stream": stream,
+    "clip": clip,
+}
 
 
 def draw(fill: Callable[[Any], None]) -> np.ndarray:
