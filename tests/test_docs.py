@@ -131,8 +131,13 @@ def fenced(page: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.name)
-def test_commands_of_pages_are_accepted(page: Path) -> None:
-    """What stands in blocks is parsed. In the text, `clpeel COMMAND --flag` needs flags that this command has."""
+def test_commands_of_pages_are_accepted(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stands in blocks is parsed. In the text, `clpeel COMMAND --flag` needs flags that this command has.
+
+    Scene files are in the page's own folder.
+    """
+    if (page.with_suffix("")).is_dir():
+        monkeypatch.chdir(page.with_suffix(""))
     for command in (words for code in fenced(page) for words in commands(code)):
         if command[0] == "clpeel":
             options = parse([word for word in command[1:] if word != "&&"])
