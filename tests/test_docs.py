@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -140,7 +141,8 @@ def test_commands_of_pages_are_accepted(page: Path, monkeypatch: pytest.MonkeyPa
         monkeypatch.chdir(page.with_suffix(""))
     for command in (words for code in fenced(page) for words in commands(code)):
         if command[0] == "clpeel":
-            options = parse([word for word in command[1:] if word != "&&"])
+            words = takewhile(lambda word: not word.startswith(">"), command[1:])
+            options = parse([word for word in words if word != "&&"])
             assert options.command
     known = make_parser().commands
     for text in re.findall(r"`(clpeel [^`]+)`", page.read_text(encoding="utf-8")):

@@ -97,7 +97,12 @@ TOOLS = (
         tuple(f"order/{name}*.png" for name in ("exact", "un", "by", "weighted", "peels")),
         "python tools/draw_order.py",
     ),
-    Entry("command", ("command/rings.png",), "clpeel render docs/command/rings.toml"),
+    Entry(
+        "command",
+        ("command/rings.png",),
+        "clpeel render docs/command/rings.toml, beside the torus of tests/command/test_scene_file.py, which compares it",
+        "by hand",
+    ),
     Entry("min-max", ("techniques/min-max.png",), "python tools/min_max_picture.py"),
     Entry("samples", ("samples/patterns.png", "samples/lines.png"), "python tools/sample_patterns.py"),
     Entry("blending-space", ("looks/blending-space.png",), "python tools/draw_blending_spaces.py", needs=("models",)),
