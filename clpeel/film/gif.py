@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +42,10 @@ def encode(
 
     each = frames()
     first, data = next(each), io.BytesIO()
-    options = {"duration": list(milliseconds)} if count > 1 else {}
-    first.save(data, "GIF", save_all=True, append_images=chain(each), loop=0, optimize=False, **options)
+    # Without `palette`, each frame would get one of its own.
+    options: dict[str, Any] = {"palette": bytes(palette.getpalette() or ()), "optimize": False, "loop": 0}
+    options |= {"duration": list(milliseconds)} if count > 1 else {}
+    first.save(data, "GIF", save_all=True, append_images=chain(each), **options)
     return data.getvalue()
 
 
