@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from clpeel.study.complexity import Complexity as Complexity
     from clpeel.study.complexity import complexity as complexity
     from clpeel.viewer.open import view as view
+    from clpeel.viewer.show import show as show
 
 __version__ = VERSION
 
@@ -65,6 +66,7 @@ _HOMES = {
     "load": "clpeel.reading.load",
     "load_layers": "clpeel.pictures.layers",
     "render": "clpeel.rendering.renderer",
+    "show": "clpeel.viewer.show",
     "turntable": "clpeel.film.turntable",
     "view": "clpeel.viewer.open",
     "warm_up": "clpeel.rendering.warm_up",

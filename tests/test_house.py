@@ -23,7 +23,7 @@ STAIRS: dict[str, tuple[str, ...]] = {
     "techniques": ("device.layout",),
     "rendering": ("scene", "pictures", "device", "stages", "techniques"),
     "study": ("scene", "pictures", "device", "stages", "techniques", "rendering"),
-    "viewer": ("scene", "pictures", "techniques", "rendering", "study"),
+    "viewer": ("scene", "pictures", "reading", "techniques", "rendering", "study"),
     "film": ("scene", "pictures", "techniques", "rendering"),
     "command": (
         "scene",
