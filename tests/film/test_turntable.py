@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageFilter
 
 import clpeel
 from clpeel.film import turntable as module
@@ -136,6 +136,18 @@ def test_a_lossless_webp_keeps_bits_and_alpha(scene: clpeel.Scene, tmp_path: Pat
         want = clpeel.render(scene, camera.azimuth(90 * k), SIZE, background=None).image
         seen = want[..., 3] > 0
         assert (frame[seen] == want[seen]).all() and not frame[~seen, 3].any()
+
+
+def test_a_lossy_webp_leaves_no_specks_of_earlier_frames(model: Any, tmp_path: Path) -> None:
+    """Far from the model, each frame is within a step or two of the background, where earlier frames were, too."""
+    bunny = clpeel.load(model("bunny.ply"), color="orange", opacity=0.7)
+    camera = clpeel.Camera.frame(bunny, aspect=4 / 3).zoom(1.3)
+    clpeel.turntable(bunny, tmp_path / "a.webp", camera, frames=24, size=(400, 300), quality=80)
+    first = clpeel.render(bunny, camera, (400, 300)).image.astype(int)
+    for frame, each in zip(frames_of(tmp_path / "a.webp"), camera.orbit(24), strict=True):
+        bare = clpeel.render(bunny, each, (400, 300)).image == first[0, 0]
+        far = ~np.asarray(Image.fromarray(~bare.all(axis=2)).convert("L").filter(ImageFilter.MaxFilter(25)), bool)
+        assert far.sum() > 30_000 and (np.abs(frame - first[0, 0])[far].max(axis=1) > 4).sum() <= 3
 
 
 def test_quality_makes_a_webp_smaller(scene: clpeel.Scene, tmp_path: Path) -> None:
