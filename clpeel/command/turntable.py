@@ -65,7 +65,7 @@ def run_turntable(options: argparse.Namespace) -> int:
         raise
     except BaseException:  # Ctrl-C, or SIGTERM
         progress.clear()
-        _say_what_is_kept(output)
+        _say_what_is_kept(output, options.frames)
         raise
     finally:
         progress.clear()
@@ -106,11 +106,11 @@ def axis_of(options: argparse.Namespace) -> Vector:
     return axis
 
 
-def _say_what_is_kept(output: Output) -> None:
+def _say_what_is_kept(output: Output, frames: int) -> None:
     """Say that a film that was interrupted can be continued, if any frame is finished."""
     from clpeel.film.kept import finished
 
     if output.kind == "png":
         say("the numbered pictures stay; the same command continues with them")
     elif count := finished(output):
-        say(f"{count} finished frame{'s' * (count != 1)} are kept in a hidden folder; the same command continues")
+        say(f"{count} of {frames} frames are kept in a hidden folder; the same command continues")

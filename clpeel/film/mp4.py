@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from clpeel.errors import InputError
+
 if TYPE_CHECKING:
     from PIL import Image
 
@@ -21,6 +23,18 @@ BT709 = 1
 
 NARROW = 1
 """The number of the narrow range in FFmpeg: 16..235."""
+
+
+def check_encoder() -> None:
+    """Raise InputError if this build of av cannot write H.264."""
+    import av
+
+    try:
+        av.codec.Codec("libx264", "w")
+    except ValueError:
+        raise InputError(
+            "path: expected a package av with libx264 for MP4, got one without; .webp needs none"
+        ) from None
 
 
 def encode(
@@ -34,8 +48,22 @@ def encode(
     """Write a film as an MP4, whose index comes first, so that it plays while it is still loaded.
 
     path: of the file, which is read again for that. frame: returns frame k, RGB, with even sides. quality: 0..100.
-    report: called with the number of each frame that is done.
+    report: called with the number of each frame that is done. Raises InputError if the file cannot be written.
     """
+    try:
+        _encode(path, frame, count, fps, quality, report)
+    except OSError as error:  # av's own errors of this kind are OSErrors, too
+        raise InputError(f"output: cannot write '{path}': {error.strerror or error}") from None
+
+
+def _encode(
+    path: str,
+    frame: Callable[[int], Image.Image],
+    count: int,
+    fps: float,
+    quality: int,
+    report: Callable[[int], None],
+) -> None:
     import av
 
     width, height = frame(0).size

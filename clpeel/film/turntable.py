@@ -141,6 +141,8 @@ def turntable(
     output, size, count = checked_output(path), checked_size(size), frames
     check_turntable(output, size, background is None, count, fps, quality, lossless)
     check_technique(technique, options)
+    if output.kind == "mp4":
+        mp4.check_encoder()
     if bar and not scene.color_maps:
         raise InputError("bar: expected a scene in the colours of numbers with it, got one without; see with_scalars")
     first = checked_camera(scene, camera, size[0] / size[1])

@@ -32,8 +32,8 @@ def encode(
 
     each = frames()
     first, data = next(each), io.BytesIO()
-    # With `exact`, colours under an alpha of 0 stay. With `kmax` 1, each lossy frame stands for itself. Otherwise specks
-    # of earlier frames stay beside the model, and files of turning things are no smaller.
+    # With `exact`, colours under an alpha of 0 stay. With `kmax` 1, each lossy frame stands for itself. Otherwise
+    # specks of earlier frames stay beside the model, and files of turning things are no smaller.
     lossy = {"quality": quality, "kmin": 0, "kmax": 1}
     how = {"lossless": True, "exact": True, "quality": 60} if lossless else lossy
     first.save(

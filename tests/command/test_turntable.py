@@ -106,9 +106,7 @@ def test_a_film_never_replaces_its_model(squares: Path, tmp_path: Path, capfd: A
     assert "which is that of the input" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("name", "kept"), [("a.gif", "2 finished frames are kept"), ("##.png", "the numbered pictures")]
-)
+@pytest.mark.parametrize(("name", "kept"), [("a.gif", "2 of 4 frames are kept"), ("##.png", "the numbered pictures")])
 def test_after_ctrl_c_the_same_command_continues(
     name: str, kept: str, squares: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
 ) -> None:

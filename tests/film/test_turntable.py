@@ -453,3 +453,25 @@ def test_one_frame_is_a_film(scene: clpeel.Scene, tmp_path: Path) -> None:
         assert (tmp_path / name).stat().st_size > 500
     with Image.open(io.BytesIO((tmp_path / "a.gif").read_bytes())) as film:
         assert getattr(film, "n_frames", 1) == 1
+
+
+@pytest.mark.skipif(find_spec("av") is None, reason="needs av")
+def test_an_encoder_that_is_missing_or_a_full_disk_is_one_line(
+    scene: clpeel.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import av
+
+    def none(name: str, mode: str) -> None:
+        raise av.codec.codec.UnknownCodecError(name)
+
+    def full(*_: object, **__: object) -> None:
+        raise av.error.OSError(28, "No space left on device", "film.mp4")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(av.codec, "Codec", none)
+        with pytest.raises(clpeel.InputError, match="expected a package av with libx264 for MP4"):
+            clpeel.turntable(scene, tmp_path / "a.mp4", frames=1, size=SIZE)
+    assert left_in(tmp_path) == []
+    monkeypatch.setattr(av, "open", full)
+    with pytest.raises(clpeel.InputError, match=r"output: cannot write '.*film.mp4': No space left on device"):
+        clpeel.turntable(scene, tmp_path / "a.mp4", frames=1, size=SIZE)
