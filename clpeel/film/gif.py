@@ -22,6 +22,9 @@ SAMPLES = 1 << 19
 
 COLORS = 256
 
+CHUNK = 1 << 14
+"""How many different colours of a frame are compared with the palette at once."""
+
 
 def encode(
     frame: Callable[[int], Image.Image], count: int, milliseconds: Sequence[int], report: Callable[[int], None]
@@ -31,13 +34,11 @@ def encode(
     frame: returns frame k, RGB. milliseconds: of each frame, whole hundredths of a second. report: called with the
     number of each frame that is done.
     """
-    from PIL import Image
-
     palette = palette_of(frame, count)
 
     def frames() -> Iterator[Image.Image]:
         for k in range(count):
-            yield frame(k).convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE)
+            yield in_palette(np.asarray(frame(k).convert("RGB")), palette)
             report(k)
 
     each = frames()
@@ -65,6 +66,26 @@ def palette_of(frame: Callable[[int], Image.Image], count: int) -> Image.Image:
     found_palette = Image.new("P", (1, 1))
     found_palette.putpalette(most + best[: 3 * (COLORS - 1)])
     return found_palette
+
+
+def in_palette(pixels: NDArray[np.uint8], palette: Image.Image) -> Image.Image:
+    """Return a picture with the nearest colour of the palette for each pixel of [height, width, 3].
+
+    Pillow's own nearest colours are those of cubes with a side of 4. On smooth surfaces their steps go to and fro.
+    """
+    from PIL import Image
+
+    colors = np.array(palette.getpalette(), np.float32).reshape(-1, 3)
+    codes, places = np.unique(pixels.astype(np.int32) @ (1 << 16, 1 << 8, 1), return_inverse=True)
+    nearest = np.empty(len(codes), np.uint8)
+    for first in range(0, len(codes), CHUNK):
+        part = codes[first : first + CHUNK]
+        own = np.stack([part >> 16, part >> 8 & 255, part & 255], axis=1).astype(np.float32)
+        # |own - color|^2, without |own|^2. All numbers are whole, and float32 holds them.
+        nearest[first : first + CHUNK] = ((colors**2).sum(axis=1) - 2 * own @ colors.T).argmin(axis=1)
+    found = Image.fromarray(nearest[places.reshape(pixels.shape[:2])])
+    found.putpalette(palette.getpalette() or ())
+    return found
 
 
 def _some(pixels: NDArray[np.uint8], most: int) -> NDArray[np.uint8]:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
 import clpeel
+from clpeel.film import gif
 from clpeel.film import turntable as module
-from clpeel.film.kept import MARK, hidden_folder
+from clpeel.film.kept import MARK, Kept, hidden_folder
 from clpeel.film.recipe import recipe_of
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
@@ -103,6 +104,16 @@ def test_a_gif_has_one_palette_and_the_exact_background(scene: clpeel.Scene, tmp
         assert off[0, 0] == 0 and np.percentile(off, 99) <= 12
 
 
+def test_each_pixel_of_a_gif_has_the_nearest_colour_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gif, "CHUNK", 100)
+    pixels = np.random.default_rng(1).integers(0, 256, (20, 30, 3), dtype=np.uint8)
+    palette = gif.palette_of(lambda k: Image.fromarray(pixels[:10, :20]), 1)
+    colors = np.array(palette.getpalette()).reshape(-1, 3)
+    found = np.asarray(gif.in_palette(pixels, palette).convert("RGB")).astype(int)
+    least = ((pixels[:, :, None].astype(int) - colors) ** 2).sum(axis=-1).min(axis=-1)
+    assert (((pixels - found) ** 2).sum(axis=-1) == least).all()
+
+
 def gif_frames(data: bytes) -> tuple[list[int], list[bool]]:
     """The hundredths of a second of each frame of a GIF, and whether it has a palette of its own (GIF89a, 17 to 23)."""
     times, local = [], []
@@ -180,6 +191,22 @@ def test_an_mp4_says_that_it_is_bt709_and_is(scene: clpeel.Scene, tmp_path: Path
         assert np.abs(off[:8]).max() < 2, "the background"
 
 
+@pytest.mark.skipif(find_spec("av") is None, reason="needs av")
+def test_an_mp4_has_the_colours_that_were_drawn(tmp_path: Path) -> None:
+    """Strong colours, all over: those of BT.601 would be off by up to 30."""
+    import av
+
+    square = [[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]
+    for number, color in enumerate(((220, 30, 40), (20, 200, 60), (40, 60, 210), (230, 200, 20))):
+        wall = clpeel.Scene.from_arrays(square, [[0, 1, 2], [0, 2, 3]], color=color)
+        path = tmp_path / f"{number}.mp4"
+        clpeel.turntable(wall, path, clpeel.Camera((0, 0, 5), (0, 0, 0)), 1, size=(64, 48), lighting="none")
+        with av.open(path) as film:
+            y, cb, cr = planes(next(film.decode(video=0)))
+        found = 255 * np.stack([y + 1.5748 * cr, y - 0.1873 * cb - 0.4681 * cr, y + 1.8556 * cb], axis=-1)
+        assert np.abs(found - color).max() <= 3, (color, found[20, 30])
+
+
 def planes(frame: Any) -> tuple[NDArray[np.float64], ...]:
     """Y in 0..1, and Cb and Cr in -0.5..0.5, of each pixel."""
     height, width = frame.height, frame.width
@@ -248,7 +275,9 @@ def test_a_pipe_is_no_place_for_a_film(scene: clpeel.Scene, tmp_path: Path) -> N
 def test_a_scale_bar_stays_in_one_place_and_covers_no_frame(scene: clpeel.Scene, tmp_path: Path) -> None:
     heat = clpeel.with_scalars(scene, scene.vertices[:, 1], cmap="viridis", label="height")
     size = (320, 240)
-    options: dict[str, Any] = {"frames": 6, "size": size, "background": "white"}
+    camera = clpeel.Camera.frame(heat, (-1, -0.3, -1), aspect=4 / 3)
+    camera = clpeel.Camera(camera.position, camera.focal_point + np.array([0, 0.9, 0])).zoom(1.2)
+    options: dict[str, Any] = {"camera": camera, "frames": 6, "size": size, "background": "white"}
     clpeel.turntable(heat, tmp_path / "with#.png", bar=True, **options)
     clpeel.turntable(heat, tmp_path / "bare#.png", **options)
     where = []
@@ -361,6 +390,21 @@ def test_damaged_frames_are_made_anew(half: Path, scene: clpeel.Scene) -> None:
     film = clpeel.turntable(scene, half, frames=6, size=SIZE, lossless=True, tell=said.append)
     assert film.drawn == 5 and said[0] == "1 of 6 frames are finished already" and said[1].startswith("3 of 6 frames")
     assert (frames_of(half)[0] == clpeel.render(scene, clpeel.Camera.frame(scene, aspect=4 / 3), SIZE).image).all()
+
+
+def test_no_flipped_bit_goes_unseen(scene: clpeel.Scene, tmp_path: Path) -> None:
+    """Pillow decodes about one such file in twenty to other pixels without a word."""
+    kept = Kept(str(tmp_path), "{}.png".format, "recipe")
+    image = clpeel.render(scene, size=SIZE).image
+    kept.add(0, image, ["a note"])
+    assert kept.notes(0) == ["a note"]
+    data = (tmp_path / "0.png").read_bytes()
+    for at in range(0, len(data), 7):
+        broken = bytearray(data)
+        broken[at] ^= 1 << at % 8
+        (tmp_path / "0.png").write_bytes(broken)
+        if kept.notes(0) is not None:
+            assert (np.asarray(kept.image(0)) == image[..., :3]).all(), at
 
 
 def test_numbered_pictures_continue_and_leave_other_pictures_alone(scene: clpeel.Scene, tmp_path: Path) -> None:
