@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -214,7 +215,7 @@ def _draw(
     if other:
         tell(f"{other} of {count} frames are there of another command, model or version; they are made anew")
     if missing and work.bar:
-        work = replace(work, taken=taken_by(work))
+        work = replace(work, taken=taken_by(work, progress))
     clock = _Clock()
     for at, k in enumerate(missing):
         text = f"frame {k + 1} of {count}{clock.left(at, len(missing))}"
@@ -248,21 +249,24 @@ class _Clock:
 
 
 def gathered(notes: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Return the notes of all frames, each once. Those that differ in numbers alone count as one.
+    """Return the notes of all frames, each once. Notes of two frames that differ in numbers alone count as one.
 
     A note that not all frames have says in how many it is.
     """
-    found: dict[str, list[str]] = {}
+    found: dict[tuple[str, int], list[str]] = {}
     for each in notes:
-        for key, note in {re.sub(r"[0-9][0-9.,e+-]*", "0", note): note for note in each}.items():
-            found.setdefault(key, []).append(note)
+        seen = Counter[str]()
+        for note in each:
+            words = re.sub(r"[0-9][0-9.,e+-]*", "0", note)
+            found.setdefault((words, seen[words]), []).append(note)
+            seen[words] += 1
     return tuple(
         same[0] if len(same) == len(notes) else f"{same[0]} (in {len(same)} of {len(notes)} frames)"
         for same in found.values()
     )
 
 
-def taken_by(work: _Work) -> NDArray[np.bool_]:
+def taken_by(work: _Work, progress: Progress | None) -> NDArray[np.bool_]:
     """Return where the model is in any frame, or something else that a scale bar must not cover: bool [height, width].
 
     It is found in small pictures of all frames, and is larger by one of their pixels than what these show.
@@ -271,7 +275,9 @@ def taken_by(work: _Work) -> NDArray[np.bool_]:
     step = max(max(width, height) // SURVEY_SIDE, 1)
     small = max(width // step, 1), max(height // step, 1)
     found = np.zeros((small[1], small[0]), bool)
-    for camera in work.cameras:
+    for k, camera in enumerate(work.cameras):
+        if progress is not None:
+            progress(0.0, f"a place for the bar: view {k + 1} of {len(work.cameras)}")
         given = {**work.given, "size": small, "keep_color": True}
         found |= work.renderer.render(camera, technique=work.technique, **given).color[..., 3] > 0
     wide = np.pad(found, 1)

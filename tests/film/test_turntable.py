@@ -85,6 +85,7 @@ def test_options_are_those_of_render(scene: clpeel.Scene, tmp_path: Path) -> Non
 def test_notes_say_in_how_many_frames_they_are() -> None:
     notes = module.gathered([["blank", "7 pixels are off"], ["8,123 pixels are off"], ["9 pixels are off"]])
     assert notes == ("blank (in 1 of 3 frames)", "7 pixels are off")
+    assert module.gathered([["map 1 is lost", "map 2 is lost"]] * 3) == ("map 1 is lost", "map 2 is lost")
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
