@@ -130,11 +130,12 @@ def folder_of(output: Output) -> Iterator[str]:
     folder = output.path if output.kind == "png" else hidden_folder(output.path)
     numbered = output.kind == "png"
     made = _made(folder, private=not numbered)
+    if not numbered:
+        _check_own(folder)
     try:
         if numbered:
             yield folder
             return
-        _check_own(folder)
         with locked(folder) as alone:
             if not alone:
                 raise InputError(f"path: another turntable is writing '{output.path}'; wait for it, or name another")
