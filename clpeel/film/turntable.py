@@ -23,7 +23,7 @@ from clpeel.film import gif, mp4, webp
 from clpeel.film.kept import Kept, folder_of
 from clpeel.film.outputs import Output, check_film, checked_output
 from clpeel.film.recipe import recipe_of
-from clpeel.pictures.scale_bar import draw_beside, scale_of
+from clpeel.pictures.scale_bar import draw_beside, draw_scale_bar, scale_of
 from clpeel.rendering.axis import box_of
 from clpeel.rendering.options import BACKGROUND, Lighting, Size
 from clpeel.rendering.renderer import Renderer
@@ -65,7 +65,9 @@ class Film:
 class _Work:
     """What has to be drawn. given: the options of Renderer.render but the camera and the technique.
 
-    taken: bool [height, width], where scale bars must not be; None without them, and until it is known.
+    bar: whether there are scale bars of colour maps. map_bar: whether there is that of a technique's map.
+    taken: bool [height, width], where scale bars must not be; None without them, and until it is known. unpaired:
+    whether that of a map explains the colour of unpaired pixels.
     """
 
     renderer: Renderer
@@ -74,8 +76,10 @@ class _Work:
     given: dict[str, Any]
     axis: bool
     bar: bool
-    taken: NDArray[np.bool_] | None
+    map_bar: bool
     place: tuple[int | str | None, int | None]
+    taken: NDArray[np.bool_] | None = None
+    unpaired: bool = False
 
     def draw(self, k: int, progress: Progress | None) -> Result:
         """Return frame k, whose bits are those of `clpeel.render` with this camera, and with what is over it."""
@@ -86,7 +90,10 @@ class _Work:
         if self.taken is None:
             return result
         image, taken, notes = result.image.copy(), self.taken.copy(), list(result.stats.notes)
-        for each in self.renderer.scene.color_maps:
+        if self.map_bar:
+            low, high = result.stats["thickness_range"]
+            draw_scale_bar(image, low, high, f"thickness, {result.stats['unit']}", taken, self.unpaired)
+        for each in self.renderer.scene.color_maps if self.bar else ():
             box = draw_beside(image, scale_of(each), taken)
             if box is None:
                 notes.append(NO_BAR.format(f"of {each.label!r} " if each.label else ""))
@@ -149,13 +156,16 @@ def turntable(
     first = checked_camera(scene, camera, size[0] / size[1])
     cameras = first.orbit(count, degrees, up)
     given = {"size": size, "background": background, "lighting": lighting, "keep_color": False, **options}
+    map_bar = "scale_bar" in option_names(technique) and bool(given.get("scale_bar", True))
+    if map_bar:
+        given["scale_bar"] = False  # its own bar lies where each frame alone has room
     request = Request.of(scene, first, technique, given)
     renderer = Renderer(scene, device, lanes)
     gpu = renderer.gpu
-    recipe = recipe_of(
-        VERSION, scene, cameras, technique, request.picture, request.options, axis, bar, gpu.device.name, gpu.lanes
-    )
-    work = _Work(renderer, cameras, technique, given, axis, bar, None, (device, lanes))
+    over = axis, bar, map_bar
+    drawn_by = gpu.device.name, gpu.lanes
+    recipe = recipe_of(VERSION, scene, cameras, technique, request.picture, request.options, over, drawn_by)
+    work = _Work(renderer, cameras, technique, given, *over, (device, lanes))
     with folder_of(output) as folder:
         kept = Kept(folder, output.name if output.kind == "png" else "{:06}.png".format, recipe)
         drawn, notes = _draw(kept, work, progress, tell or _silent)
@@ -214,8 +224,9 @@ def _draw(
         tell(f"{count - len(missing)} of {count} frames are finished already")
     if other:
         tell(f"{other} of {count} frames are there of another command, model or version; they are made anew")
-    if missing and work.bar:
-        work = replace(work, taken=taken_by(work, progress))
+    if missing and (work.bar or work.map_bar):
+        taken, unpaired = taken_by(work, progress)
+        work = replace(work, taken=taken, unpaired=unpaired)
     clock = _Clock()
     for at, k in enumerate(missing):
         text = f"frame {k + 1} of {count}{clock.left(at, len(missing))}"
@@ -266,27 +277,30 @@ def gathered(notes: Sequence[Sequence[str]]) -> tuple[str, ...]:
     )
 
 
-def taken_by(work: _Work, progress: Progress | None) -> NDArray[np.bool_]:
+def taken_by(work: _Work, progress: Progress | None) -> tuple[NDArray[np.bool_], bool]:
     """Return where the model is in any frame, or something else that a scale bar must not cover: bool [height, width].
 
-    It is found in small pictures of all frames, and is larger by one of their pixels than what these show.
+    Returns also whether any frame has unpaired pixels. Both are found in small pictures of all frames. The model's place
+    is larger by one of their pixels than what these show.
     """
     width, height = work.given["size"]
     step = max(max(width, height) // SURVEY_SIDE, 1)
     small = max(width // step, 1), max(height // step, 1)
-    found = np.zeros((small[1], small[0]), bool)
+    found, unpaired = np.zeros((small[1], small[0]), bool), False
     for k, camera in enumerate(work.cameras):
         if progress is not None:
             progress(0.0, f"a place for the bar: view {k + 1} of {len(work.cameras)}")
         given = {**work.given, "size": small, "keep_color": True}
-        found |= work.renderer.render(camera, technique=work.technique, **given).color[..., 3] > 0
+        result = work.renderer.render(camera, technique=work.technique, **given)
+        found |= result.color[..., 3] > 0
+        unpaired |= bool(result.stats.get("unpaired_pixels"))
     wide = np.pad(found, 1)
     for shift in (-1, 1):
         found = found | np.roll(wide, shift, 0)[1:-1, 1:-1] | np.roll(wide, shift, 1)[1:-1, 1:-1]
     taken: NDArray[np.bool_] = found[np.arange(height) * small[1] // height][:, np.arange(width) * small[0] // width]
     if work.axis:
         taken[box_of(width, height).rows_and_columns] = True
-    return taken
+    return taken, unpaired
 
 
 # --- the film ---------------------------------------------------------------------------------------------------------

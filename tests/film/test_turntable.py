@@ -290,6 +290,23 @@ def test_a_scale_bar_stays_in_one_place_and_covers_no_frame(scene: clpeel.Scene,
     assert all((each == where[0]).all() for each in where)
 
 
+def test_the_scale_bar_of_a_map_stays_in_one_place(model: Any, tmp_path: Path) -> None:
+    """Alone, some of these frames have it in other corners."""
+    bunny, size = clpeel.load(model("bunny.ply")), (320, 240)
+    options: dict[str, Any] = {"frames": 6, "size": size, "technique": "thickness", "thickness_range": (0, 0.12)}
+    clpeel.turntable(bunny, tmp_path / "with#.png", **options)
+    clpeel.turntable(bunny, tmp_path / "bare#.png", **options, scale_bar=False)
+    corners = set()
+    for k in range(6):
+        bare, barred = (frames_of(tmp_path / f"{name}{k + 1}.png")[0].astype(int) for name in ("bare", "with"))
+        rows, columns = np.nonzero((bare != barred).any(axis=2))
+        corners.add((rows.min(), rows.max(), columns.min(), columns.max()))
+    assert len(corners) == 1
+    camera = clpeel.Camera.frame(bunny, aspect=4 / 3)
+    alone = clpeel.render(bunny, camera, size, technique="thickness", thickness_range=(0, 0.12), scale_bar=False)
+    assert (frames_of(tmp_path / "bare1.png")[0] == alone.image).all()
+
+
 # --- after an interruption --------------------------------------------------------------------------------------------
 
 
