@@ -280,8 +280,8 @@ def gathered(notes: Sequence[Sequence[str]]) -> tuple[str, ...]:
 def taken_by(work: _Work, progress: Progress | None) -> tuple[NDArray[np.bool_], bool]:
     """Return where the model is in any frame, or something else that a scale bar must not cover: bool [height, width].
 
-    Returns also whether any frame has unpaired pixels. Both are found in small pictures of all frames. The model's place
-    is larger by one of their pixels than what these show.
+    Returns also whether any frame has unpaired pixels. Both are found in small pictures of all frames. The model's
+    place is larger by one of their pixels than what these show.
     """
     width, height = work.given["size"]
     step = max(max(width, height) // SURVEY_SIDE, 1)
