@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from clpeel.errors import ClpeelError as ClpeelError
     from clpeel.errors import InputError as InputError
     from clpeel.errors import NoDeviceError as NoDeviceError
+    from clpeel.film.turntable import Film as Film
+    from clpeel.film.turntable import turntable as turntable
     from clpeel.pictures.colormaps import ColorMap as ColorMap
     from clpeel.pictures.layers import Layers as Layers
     from clpeel.pictures.layers import load_layers as load_layers
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from clpeel.study.complexity import Complexity as Complexity
     from clpeel.study.complexity import complexity as complexity
     from clpeel.viewer.open import view as view
+    from clpeel.viewer.show import show as show
 
 __version__ = VERSION
 
@@ -44,6 +47,7 @@ _HOMES = {
     "ColorMap": "clpeel.pictures.colormaps",
     "Comparison": "clpeel.study.comparison",
     "Complexity": "clpeel.study.complexity",
+    "Film": "clpeel.film.turntable",
     "InputError": "clpeel.errors",
     "Interrupted": "clpeel.study.comparison",
     "Layers": "clpeel.pictures.layers",
@@ -62,6 +66,8 @@ _HOMES = {
     "load": "clpeel.reading.load",
     "load_layers": "clpeel.pictures.layers",
     "render": "clpeel.rendering.renderer",
+    "show": "clpeel.viewer.show",
+    "turntable": "clpeel.film.turntable",
     "view": "clpeel.viewer.open",
     "warm_up": "clpeel.rendering.warm_up",
     "with_scalars": "clpeel.scene.scalars",

@@ -6,6 +6,7 @@ This imports nothing heavy, because the command checks its outputs before anythi
 from __future__ import annotations
 
 import contextlib
+import errno
 import itertools
 import os
 import re
@@ -277,6 +278,26 @@ def _lock(descriptor: int, wait: bool = False) -> bool:
     except (ImportError, OSError):
         return False
     return True
+
+
+@contextlib.contextmanager
+def locked(folder: str) -> Iterator[bool]:
+    """Lock a folder, and say whether no other process has locked it. Where there are no locks, nobody has."""
+    try:
+        import fcntl
+    except ImportError:
+        yield True
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        alone = True
+    except OSError as error:
+        alone = error.errno not in (errno.EAGAIN, errno.EACCES)
+    try:
+        yield alone
+    finally:
+        os.close(descriptor)
 
 
 def _remove(part: str) -> None:

@@ -119,6 +119,16 @@ def test_the_table_of_options_has_every_flag() -> None:
     assert flags - set(re.findall(r"--[a-z][a-z-]*", table)) <= {"-h", "--help"}
 
 
+def test_the_options_of_a_turntable_are_on_its_page() -> None:
+    commands = make_parser().commands
+    own, others = (
+        {action.option_strings[0] for action in _options(commands[name])} for name in ("turntable", "render")
+    )
+    assert "--fps" in own
+    for page in (ROOT / "README.md", DOCS / "turntable.md"):
+        assert own - others <= set(re.findall(r"--[a-z][a-z-]*", page.read_text())), page
+
+
 def test_what_editors_know_is_what_there_is() -> None:
     command = [sys.executable, ROOT / "tools" / "write_keywords.py", "--check"]
     run = subprocess.run(command, capture_output=True, text=True)

@@ -23,8 +23,20 @@ STAIRS: dict[str, tuple[str, ...]] = {
     "techniques": ("device.layout",),
     "rendering": ("scene", "pictures", "device", "stages", "techniques"),
     "study": ("scene", "pictures", "device", "stages", "techniques", "rendering"),
-    "viewer": ("scene", "pictures", "techniques", "rendering", "study"),
-    "command": ("scene", "pictures", "reading", "device", "stages", "techniques", "rendering", "study", "viewer"),
+    "viewer": ("scene", "pictures", "reading", "techniques", "rendering", "study"),
+    "film": ("scene", "pictures", "techniques", "rendering"),
+    "command": (
+        "scene",
+        "pictures",
+        "reading",
+        "device",
+        "stages",
+        "techniques",
+        "rendering",
+        "study",
+        "viewer",
+        "film",
+    ),
 }
 """What each package may import besides the root and itself. Nothing here runs up.
 

@@ -64,6 +64,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "view": _in("view", "run_view"),
     "compare": _in("study", "run_compare"),
     "complexity": _in("study", "run_complexity"),
+    "turntable": _in("turntable", "run_turntable"),
     "warm-up": _in("warm_up", "run_warm_up"),
     "completion": _in("completion", "run_completion"),
     "techniques": run_table,

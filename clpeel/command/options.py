@@ -49,6 +49,11 @@ def add_picture_options(
     group = parser.add_argument_group("picture")
     _add_output(group, output, "OUT.png", "PNG file to write, or - for standard output")
     _add_view_options(parser, group, resolution, samples)
+    _add_additions(group)
+
+
+def _add_additions(group: argparse._ArgumentGroup) -> None:
+    """Add the options of what a picture shows besides its scene."""
     add = group.add_argument
     add("--grid", action="store_true", help="a grid on the ground: across --up, at the bottom of the scene")
     text = "with --grid: side of its cells, in scene units (default: 1, 2 or 5 times a power of ten)"
@@ -95,6 +100,32 @@ def add_live_options(parser: argparse.ArgumentParser) -> None:
     _add_device_options(group)
     group = parser.add_argument_group("messages")
     _add_messages_options(group)
+
+
+def add_turntable_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `turntable`: those of `render` that say what is seen, and those of the film."""
+    add_files(parser, "shown")
+    group = parser.add_argument_group("film")
+    _add_output(group, "turntable.gif", "FILE", "film to write: .gif, .webp or .mp4; or PNGs, as frames/####.png")
+    add = group.add_argument
+    add("--frames", type=values.count, default=90, metavar="N", help="how many pictures (default: 90)")
+    text = "how far the camera turns, about --up; below 0 the other way round (default: 360)"
+    add("--degrees", type=values.number, default=360.0, metavar="DEGREES", help=text)
+    add("--fps", type=values.positive, default=30.0, metavar="NUMBER", help="pictures a second (default: 30)")
+    add("--quality", type=values.index, default=90, metavar="0..100", help="of .webp and .mp4 (default: 90)")
+    add("--lossless", action="store_true", help="of .webp: keep every bit")
+    group = parser.add_argument_group("picture")
+    _add_scene_options(group, "800,600")
+    _add_edge_options(group)
+    group.add_argument("--no-background", action="store_true", help="a transparent background, of .webp and .png")
+    _add_additions(group)
+    _add_camera_options(parser)
+    group = parser.add_argument_group("method")
+    _add_technique_options(group)
+    each = PICTURE["samples"]
+    add_option(group, replace(each, help=f"{each.help} (default: {SAMPLES}, or 1 for a map)"))
+    _add_device_options(group)
+    _add_messages_options(parser.add_argument_group("messages"))
 
 
 def add_boxes_options(parser: argparse.ArgumentParser) -> None:

@@ -48,6 +48,11 @@ Look at mesh files. Drag to rotate, turn the wheel to zoom, press H for all keys
 fine as time allows; once it rests, the picture is the one that 'clpeel render' makes. Needs: pip install 'clpeel[view]'
 """
 
+TURNTABLE = """\
+Turn the camera around mesh files: an animated GIF or WebP, an MP4 (pip install 'clpeel[video]'), or numbered PNGs, as
+frames/####.png. After Ctrl-C, the same command continues with the frames that are finished.
+"""
+
 DEVICES = """\
 List the OpenCL devices in the order of preference, with a star at the one that is used by default, and the drivers that
 offer no device. Before its first picture each set of kernels draws known layers. --check makes this test on each device
@@ -95,6 +100,12 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
         "look at mesh files, live: in a window, or in a browser",
         "FILE... [options]",
         VIEW,
+        None,
+    ),
+    "turntable": (
+        "turn the camera around mesh files: an animated GIF, WebP, MP4 or numbered PNGs",
+        "FILE... -o OUT.gif|OUT.webp|OUT.mp4|DIR/####.png [options]",
+        TURNTABLE,
         None,
     ),
     "demo": (
@@ -320,6 +331,7 @@ def _add_options(parser: Parser) -> None:
     options.add_complexity_options(of["complexity"])
     options.add_compare_options(of["compare"])
     options.add_live_options(of["view"])
+    options.add_turntable_options(of["turntable"])
     options.add_picture_options(of["demo"], output="demo.png", resolution="1200,900", samples=16)
     options.add_boxes_options(of["demo"])
     options.add_warm_up_options(of["warm-up"])

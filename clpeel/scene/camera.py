@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clpeel.checks import AXES, VIEWS, named_view
+from clpeel.checks import AXES, VIEWS, named_view, whole_number
 from clpeel.errors import InputError
 from clpeel.scene.scene import Scene
 
@@ -197,6 +197,23 @@ class Camera:
         A positive angle looks from above. Raises InputError.
         """
         return self._turned(-self.axes()[0], checked_degrees("camera elevation", degrees), turn_up=True)
+
+    def orbit(self, count: int, degrees: float = 360.0, about: str | Vector | None = None) -> list[Camera]:
+        """Return `count` cameras that go around the focal point, evenly, from this one on.
+
+        about: what they turn about, an axis such as "+Z" or 3 numbers; by default view_up. Then they are those of
+        `azimuth`. degrees: of all of them together. Whole turns end one step before this camera, so that they can be
+        repeated; others end at `degrees`. Below 0 they go the other way round. Raises InputError.
+        """
+        count = whole_number("camera orbit", count, 1 << 31)
+        total = checked_degrees("camera orbit", degrees)
+        about = axis(self.view_up if about is None else about, "camera orbit")
+        if not length_of(about) > 0:
+            raise InputError(f"camera orbit: expected an axis to turn about, got {about.tolist()}")
+        steps = count if total % 360 == 0 else max(count - 1, 1)
+        turn_up = bool(np.cross(about, self.view_up).any())
+        angles = (Degrees(total * k / steps) for k in range(count))
+        return [self._turned(about, angle, turn_up) if angle else self for angle in angles]
 
     def _turned(self, about: NDArray[np.float64], degrees: float, turn_up: bool) -> Camera:
         if not math.isfinite(degrees):

@@ -269,3 +269,37 @@ def test_a_few_faces_tell_that_a_large_scene_is_not_flat(monkeypatch):
     faces = np.arange(300_000).reshape(-1, 3)
     assert flat_normal(clpeel.Scene.from_arrays(np.random.default_rng(0).normal(size=(300_000, 3)), faces)) is None
     assert len(looked_at) == 1 and np.trace(looked_at[0]) < 3 * 2 * 1000
+
+
+def test_an_orbit_goes_around_evenly() -> None:
+    camera = clpeel.Camera((0, 0, 5), (0, 0, 0))
+    places = [each.position for each in camera.orbit(4)]
+    np.testing.assert_allclose(places, [(0, 0, 5), (5, 0, 0), (0, 0, -5), (-5, 0, 0)], atol=1e-14)
+    assert [each == camera.azimuth(90 * k) for k, each in enumerate(camera.orbit(4))] == [True] * 4
+    assert camera.orbit(1) == [camera]
+
+
+def test_an_orbit_that_is_no_whole_turn_ends_where_it_says() -> None:
+    camera = clpeel.Camera((0, 0, 5), (0, 0, 0))
+    np.testing.assert_allclose(camera.orbit(4, -90)[-1].position, (-5, 0, 0), atol=1e-14)
+    np.testing.assert_allclose(camera.orbit(3, 180)[1].position, (5, 0, 0), atol=1e-14)
+
+
+def test_an_orbit_about_another_axis_turns_the_camera_as_a_whole() -> None:
+    """Looking straight down the axis, too, where azimuth would have no axis to turn about."""
+    raised = clpeel.Camera((0, 0, 5), (0, 0, 0)).elevation(30)
+    for each in raised.orbit(8, about="Y"):
+        assert abs(each.position[1] - 2.5) < 1e-14
+        right, _, _ = each.axes()
+        assert abs(right[1]) < 1e-14, "it leans"
+    down = clpeel.Camera((0, 5, 0), (0, 0, 0), (0, 0, -1))
+    np.testing.assert_allclose([each.position for each in down.orbit(3, about=(0, 2, 0))], [(0, 5, 0)] * 3, atol=1e-14)
+    np.testing.assert_allclose(down.orbit(4, about="Y")[1].view_up, (-1, 0, 0), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"count": 0}, {"count": 1.5}, {"degrees": "far"}, {"about": (0, 0, 0)}, {"about": "W"}]
+)
+def test_what_is_no_orbit_is_said(wrong) -> None:
+    with pytest.raises(clpeel.InputError, match="camera orbit: expected"):
+        clpeel.Camera((0, 0, 5), (0, 0, 0)).orbit(**{"count": 4, **wrong})

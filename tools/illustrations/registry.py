@@ -100,7 +100,7 @@ TOOLS = (
     Entry(
         "command",
         ("command/rings.png",),
-        "clpeel render docs/command/rings.toml, beside the torus of tests/command/test_scene_file.py, which compares it",
+        "clpeel render docs/command/rings.toml, beside the torus of test_scene_file.py, which compares them",
         "by hand",
     ),
     Entry("min-max", ("techniques/min-max.png",), "python tools/min_max_picture.py"),

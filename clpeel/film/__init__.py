@@ -1,0 +1,1 @@
+"""Films: pictures of a scene after one another, as one file or as numbered ones."""
