@@ -116,6 +116,9 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
 }
 """Each command's line of help, usage, description (by default that line), and what its help ends with."""
 
+LATER = ("colours that stand for numbers", "camera", "method", "messages")
+"""The groups of options that come last in the help of a command."""
+
 TABLES = ("techniques", "devices", "report")
 """The commands that print a table."""
 
@@ -195,6 +198,11 @@ def keep(action: argparse.Action, namespace: argparse.Namespace, value: object) 
     setattr(namespace, action.dest, value)
 
 
+def _place(group: argparse._ArgumentGroup) -> int:
+    """Return the place of a group in the help; that of equals is the order in which they were added."""
+    return LATER.index(group.title) + 1 if group.title in LATER else 0
+
+
 class _HelpAll(argparse.Action):
     """`--help-all`: the help with all options."""
 
@@ -231,7 +239,8 @@ class Parser(argparse.ArgumentParser):
         formatter.add_text(self.description)
         positional, own, *others = self._action_groups
         hidden = 0
-        for group in (positional, *others, own):
+        positional.title = "arguments"
+        for group in (positional, *sorted(others, key=_place), own):
             shown = [
                 each for each in group._group_actions if full or each.dest in EVERYDAY or each.dest not in self.common
             ]
@@ -240,7 +249,7 @@ class Parser(argparse.ArgumentParser):
             formatter.add_arguments(shown)
             formatter.end_section()
         if hidden:
-            formatter.add_text(f"{hidden} more options: {self.prog} --help-all")
+            formatter.add_text(f"{hidden} more option{'s' * (hidden > 1)}: {self.prog} --help-all")
         formatter.add_text(self.epilog)
         return formatter.format_help()
 
