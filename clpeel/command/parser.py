@@ -8,9 +8,10 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from clpeel.command.everyday import EVERYDAY
+from clpeel.command.words import tidied
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
@@ -357,7 +358,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     if arguments[:1] == ["help"]:
         arguments = [*arguments[1:], "--help"]
     parser = make_parser(bare=all(argument in ("-h", "--help") for argument in arguments))
-    words = tidied(arguments, parser)
+    words = tidied(arguments, list(parser.options()))
     options, unknown = parser.parse_known_args(words.arguments)
     if options.command is None and not unknown:
         parser.print_help()
@@ -373,55 +374,3 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         raise InputError(
             f"{error} (see {command.prog} --help)" if str(error).startswith("--") else str(error)
         ) from None
-
-
-class Words(NamedTuple):
-    """The words of a command line. arguments: in the order and form that argparse understands.
-
-    options: each option as it was given: its flag, its text, or None for a switch, and how many files stand before it.
-    files: the files, without the command's name.
-    """
-
-    arguments: list[str]
-    options: list[tuple[str, str | None, int]]
-    files: list[str]
-
-
-def tidied(arguments: Sequence[str], parser: Parser) -> Words:
-    """Bring a command's arguments into the order and form that argparse understands: options first, as `--opt=value`.
-
-    Otherwise argparse would take a value that begins with a minus for an option (`--camera-position -1,0,2`). It would
-    take whatever comes next for an optional value (`--stats FILE`). And it would refuse files on both sides of an
-    option.
-    """
-    known = {flag: action for action in parser.options() for flag in action.option_strings}
-    valued = {flag: action.option_strings[0] for flag, action in known.items() if action.nargs is None}
-    options: list[str] = []
-    given: list[tuple[str, str | None, int]] = []
-    files: list[str] = []
-    left = list(arguments)
-    while left:
-        argument = left.pop(0)
-        flag, equals, value = argument.partition("=")
-        before = max(len(files) - 1, 0)
-        if argument == "--":
-            files += left
-            break
-        if argument == "--stats":
-            flag, equals, value = "--stats", "=", "-"
-        elif argument in valued:
-            if not left or left[0] in known or left[0].startswith("--"):
-                return Words([*files[:1], argument], [], [])  # its value is missing, which is the only error to report
-            equals, value = "=", left.pop(0)
-        elif argument[:2] in valued and flag not in valued:
-            flag, equals, value = argument[:2], "=", argument[2:]  # as -oFILE
-        if flag in valued and equals:
-            options.append(f"{valued[flag]}={value}")
-            given.append((valued[flag], value, before))
-        elif argument.startswith("-") and argument != "-":
-            options.append(argument)
-            given.append((argument, None, before))
-        else:
-            files.append(argument)
-    dashes = ["--"] if any(name.startswith("-") for name in files) else []
-    return Words([*files[:1], *options, *dashes, *files[1:]], given, files[1:])
