@@ -14,7 +14,8 @@ from clpeel.command.toml import Keys, over
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
-    from clpeel.command.parser import Parser, Words
+    from clpeel.command.parser import Parser
+    from clpeel.command.words import Words
 
 
 def complete(options: argparse.Namespace, words: Words, parser: Parser) -> argparse.Namespace:

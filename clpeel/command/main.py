@@ -24,7 +24,7 @@ from clpeel.command.streams import (
     standard_output,
 )
 from clpeel.command.terminal import EXIT_BROKEN_PIPE, EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_TERMINATED
-from clpeel.errors import ClpeelError, InputError
+from clpeel.errors import ClpeelError, InputError, NoDeviceError
 
 
 def run_table(options: argparse.Namespace) -> int:
@@ -135,10 +135,10 @@ def _run(arguments: Sequence[str]) -> int:
     write_scene = prepared(options)
     try:
         code = COMMANDS[options.command](options)
-    except InputError as error:
+    except (InputError, NoDeviceError) as error:
         from clpeel.command.wording import in_words_of_the_command
 
-        raise InputError(in_words_of_the_command(str(error), options)) from error
+        raise type(error)(in_words_of_the_command(str(error), options)) from error
     if write_scene is not None and code == 0:
         write_scene()
     return code

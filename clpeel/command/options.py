@@ -28,7 +28,9 @@ MARKS = ("line_width", "point_size", "point_type")
 def add_files(parser: argparse.ArgumentParser, done: str, none: Literal["+", "*"] = "+") -> None:
     """Add the options of all commands that read files. none: "*" if there may be no file."""
     group = parser.add_argument_group("files")
-    group.add_argument("files", nargs=none, metavar="FILE", help=f"mesh file; several are {done} together")
+    group.add_argument(
+        "files", nargs=none, metavar="FILE", help=f"mesh file, or scene file (.toml); several are {done} together"
+    )
     text = "leave out faces whose corners are those of an earlier face"
     group.add_argument("--drop-duplicates", action="store_true", help=text)
     text = "show an animation of glTF files, counted from 0 (default: the pose at rest, or 0 if a time is given)"

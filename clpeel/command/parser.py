@@ -8,9 +8,10 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from clpeel.command.everyday import EVERYDAY
+from clpeel.command.words import tidied
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
@@ -127,6 +128,9 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
 }
 """Each command's line of help, usage, description (by default that line), and what its help ends with."""
 
+LATER = ("colours that stand for numbers", "camera", "method", "messages")
+"""The groups of options that come last in the help of a command."""
+
 TABLES = ("techniques", "devices", "report")
 """The commands that print a table."""
 
@@ -206,6 +210,11 @@ def keep(action: argparse.Action, namespace: argparse.Namespace, value: object) 
     setattr(namespace, action.dest, value)
 
 
+def _place(group: argparse._ArgumentGroup) -> int:
+    """Return the place of a group in the help; that of equals is the order in which they were added."""
+    return LATER.index(group.title) + 1 if group.title in LATER else 0
+
+
 class _HelpAll(argparse.Action):
     """`--help-all`: the help with all options."""
 
@@ -242,7 +251,8 @@ class Parser(argparse.ArgumentParser):
         formatter.add_text(self.description)
         positional, own, *others = self._action_groups
         hidden = 0
-        for group in (positional, *others, own):
+        positional.title = "arguments"
+        for group in (positional, *sorted(others, key=_place), own):
             shown = [
                 each for each in group._group_actions if full or each.dest in EVERYDAY or each.dest not in self.common
             ]
@@ -251,7 +261,7 @@ class Parser(argparse.ArgumentParser):
             formatter.add_arguments(shown)
             formatter.end_section()
         if hidden:
-            formatter.add_text(f"{hidden} more options: {self.prog} --help-all")
+            formatter.add_text(f"{hidden} more option{'s' * (hidden > 1)}: {self.prog} --help-all")
         formatter.add_text(self.epilog)
         return formatter.format_help()
 
@@ -360,7 +370,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     if arguments[:1] == ["help"]:
         arguments = [*arguments[1:], "--help"]
     parser = make_parser(bare=all(argument in ("-h", "--help") for argument in arguments))
-    words = tidied(arguments, parser)
+    words = tidied(arguments, list(parser.options()))
     options, unknown = parser.parse_known_args(words.arguments)
     if options.command is None and not unknown:
         parser.print_help()
@@ -376,55 +386,3 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         raise InputError(
             f"{error} (see {command.prog} --help)" if str(error).startswith("--") else str(error)
         ) from None
-
-
-class Words(NamedTuple):
-    """The words of a command line. arguments: in the order and form that argparse understands.
-
-    options: each option as it was given: its flag, its text, or None for a switch, and how many files stand before it.
-    files: the files, without the command's name.
-    """
-
-    arguments: list[str]
-    options: list[tuple[str, str | None, int]]
-    files: list[str]
-
-
-def tidied(arguments: Sequence[str], parser: Parser) -> Words:
-    """Bring a command's arguments into the order and form that argparse understands: options first, as `--opt=value`.
-
-    Otherwise argparse would take a value that begins with a minus for an option (`--camera-position -1,0,2`). It would
-    take whatever comes next for an optional value (`--stats FILE`). And it would refuse files on both sides of an
-    option.
-    """
-    known = {flag: action for action in parser.options() for flag in action.option_strings}
-    valued = {flag: action.option_strings[0] for flag, action in known.items() if action.nargs is None}
-    options: list[str] = []
-    given: list[tuple[str, str | None, int]] = []
-    files: list[str] = []
-    left = list(arguments)
-    while left:
-        argument = left.pop(0)
-        flag, equals, value = argument.partition("=")
-        before = max(len(files) - 1, 0)
-        if argument == "--":
-            files += left
-            break
-        if argument == "--stats":
-            flag, equals, value = "--stats", "=", "-"
-        elif argument in valued:
-            if not left or left[0] in known or left[0].startswith("--"):
-                return Words([*files[:1], argument], [], [])  # its value is missing, which is the only error to report
-            equals, value = "=", left.pop(0)
-        elif argument[:2] in valued and flag not in valued:
-            flag, equals, value = argument[:2], "=", argument[2:]  # as -oFILE
-        if flag in valued and equals:
-            options.append(f"{valued[flag]}={value}")
-            given.append((valued[flag], value, before))
-        elif argument.startswith("-") and argument != "-":
-            options.append(argument)
-            given.append((argument, None, before))
-        else:
-            files.append(argument)
-    dashes = ["--"] if any(name.startswith("-") for name in files) else []
-    return Words([*files[:1], *options, *dashes, *files[1:]], given, files[1:])

@@ -39,15 +39,16 @@ def table(rows: Iterable[Iterable[object]]) -> list[str]:
 
 def technique_table() -> list[str]:
     """Return one line for each technique, and below it the options of `render` that only some techniques have."""
-    from clpeel.techniques import AUTO, AUTO_SUMMARY, TECHNIQUES, option_names
+    from clpeel.options import options_of
+    from clpeel.techniques import AUTO, AUTO_SUMMARY, TECHNIQUES, options_class
 
     width = max(map(len, TECHNIQUES))
     lines = []
     summaries = {name: technique.summary for name, technique in TECHNIQUES.items()} | {AUTO: AUTO_SUMMARY}
     for name, summary in summaries.items():
         lines.append(f"{name:<{width}}  {summary}")
-        if options := option_names(name):
-            lines.append(f"{'':<{width}}  options: {', '.join(options)}")
+        if flags := [each.flag for each in options_of(options_class(name))]:
+            lines.append(f"{'':<{width}}  options: {' '.join(flags)}")
         if name != AUTO and TECHNIQUES[name].has_passes:
             lines.append(f"{'':<{width}}  executions: tiles, passes")
     return lines
@@ -129,12 +130,14 @@ def _drivers() -> list[str]:
 
 def report() -> list[str]:
     """Return the lines of a bug report. It needs no device: it reports what is missing or fails, and raises nothing."""
+    from clpeel.command.config import users_file
     from clpeel.device.cache import root
 
     rows = [("python", f"{platform.python_version()} ({platform.python_implementation()}, {sys.platform})")]
     rows += [(name, version(name)) for name in PACKAGES]
     rows += [("kernels", _kernels()), ("system", f"{_system()}, {platform.machine()}")]
     rows.append(("kernels kept in", str(root())))
+    rows.append(("own defaults", users_file() or "none"))
     rows.append(("processor", f"{_processor()} ({os.cpu_count()} threads)"))
     rows += [("drivers", line) for line in _drivers()]
     lines = table(rows)

@@ -119,7 +119,7 @@ def _camera(path: str, value: Any, keys: Keys) -> dict[str, tuple[str, Any]]:
 def _piece(path: str, where: str, table: Mapping[str, Any], common: Mapping[str, Any], keys: Keys) -> Piece:
     """Return the mesh of a table. common: options of all meshes of the file. Raises InputError."""
     name = table.get("path")
-    if not isinstance(name, str) or not name:
+    if not isinstance(name, str) or not name or "\0" in name:
         came = "none" if name is None else said(name)
         raise InputError(f"{where}: path: expected the name of a mesh file, got {came}")
     if is_scene_file(name):

@@ -94,6 +94,13 @@ def test_what_is_wrong_is_one_line(
     assert len(lines) == 1 and lines[0].startswith(f"clpeel: error: {users}: ") and error in lines[0], lines
 
 
+def test_a_device_that_is_gone_is_found_in_the_file(users: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    users.write_text('device = "no such device"\n')
+    assert main(["demo", "-o", str(users.parent / "x.png")]) == 3
+    _, lines = printed(capfd)
+    assert len(lines) == 1 and lines[0].startswith(f"clpeel: error: {users}: device: expected a number or part"), lines
+
+
 def test_wrong_files_are_one_line(users: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for words, error in (
         (["--config=no.toml"], "no.toml: no such file"),

@@ -786,7 +786,7 @@ def test_techniques_are_listed(capfd: Any) -> None:
     lines = capfd.readouterr().out.splitlines()
     for name, technique in TECHNIQUES.items():
         assert sum(line.split(" ")[0] == name and technique.summary in line for line in lines) == 1
-    assert sum("options: " in line and "hazard_window" in line for line in lines) == 1
+    assert sum("options: " in line and "--hazard-window" in line for line in lines) == 1
 
 
 def test_a_picture_by_passes_is_the_one_by_tiles(tmp_path: Path, squares: Path, capfd: Any) -> None:
@@ -867,7 +867,18 @@ def test_drivers_that_offer_no_device_are_listed(tmp_path: Path, capfd: Any, mon
 def test_report_names_versions_and_devices(capfd: Any) -> None:
     assert cli.main(["report"]) == 0
     out = capfd.readouterr().out
-    for name in ("python", "clpeel", "pyopencl", "numpy", "trimesh", "Pillow", "system", "processor", "platform"):
+    for name in (
+        "python",
+        "clpeel",
+        "pyopencl",
+        "numpy",
+        "trimesh",
+        "Pillow",
+        "system",
+        "processor",
+        "platform",
+        "own defaults",
+    ):
         assert name in out
 
 

@@ -185,6 +185,7 @@ def test_other_commands_take_what_they_have(folder: Path, capfd: pytest.CaptureF
         ("mesh = 3", "mesh: expected tables, each below [[mesh]], got 3"),
         ("[[mesh]]\n", "mesh 1: path: expected the name of a mesh file, got none"),
         ("[[mesh]]\npath = 3\n", "mesh 1: path: expected the name of a mesh file, got 3"),
+        ('[[mesh]]\npath = "a\\u0000b"\n', "mesh 1: path: expected the name of a mesh file, got 'a\\x00b'"),
         ("[[mesh]]\npath = 'x.toml'\n", "mesh 1: path: expected a mesh file, got the scene file 'x.toml'"),
         (
             "[[mesh]]\npath = '../a.off'\n[[mesh]]\npath = '../a.off'\nopacity = 2\n",
