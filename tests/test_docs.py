@@ -122,7 +122,7 @@ def test_the_table_of_options_has_every_flag() -> None:
 def test_the_options_of_a_turntable_are_on_its_page() -> None:
     commands = make_parser().commands
     own, others = (
-        {action.option_strings[0] for action in _options(commands[name])} for name in ("turntable", "render")
+        {action.option_strings[0] for action in commands[name].options()} for name in ("turntable", "render")
     )
     assert "--fps" in own
     for page in (ROOT / "README.md", DOCS / "turntable.md"):

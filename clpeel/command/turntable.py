@@ -21,7 +21,7 @@ def run_turntable(options: argparse.Namespace) -> int:
     if not options.verbose:
         quiet_libraries()
     output = checked_output(options.output, "--output")
-    check_apart({"--output": output.path}, options.files)
+    check_apart({"--output": output.path}, options.inputs)
     additions = Additions.of(options)
     load, name = load_files(options)
     _check(options, output)
