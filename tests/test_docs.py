@@ -218,4 +218,6 @@ def keywords_of(function: Callable[..., object]) -> set[str]:
     """The keywords that a function of clpeel takes. TypedDicts name those of its `**`."""
     more = {"options": Keywords, "mapped": Mapped}
     names = set(inspect.signature(function).parameters)
+    if function is clpeel.show:  # it has the options of both
+        return names | keywords_of(clpeel.load) | keywords_of(clpeel.render)
     return names | {keyword for name in names & more.keys() for keyword in more[name].__annotations__}

@@ -77,12 +77,12 @@ def covering(with_highlight: Floats, without: Floats, alpha: Floats) -> tuple[Fl
 
     with_highlight, without: what they would be if they were opaque, as it is blended, 0..1, [..., 3].
     """
+    share = (with_highlight - without) / np.maximum(1 - without, 0.25)
+    cover = np.clip(share.max(axis=-1, keepdims=True), 0.0, 1.0)
+    through = (1 - alpha) * (1 - cover)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(without < 1, (with_highlight - without) / (1 - without), 0.0)
-        cover = np.clip(share.max(axis=-1, keepdims=True), 0.0, 1.0)
-        through = (1 - alpha) * (1 - cover)
         straight = (with_highlight - through * without) / (1 - through)
-    return np.where(through < 1, straight, without), 1 - through
+    return np.where(through < 1, np.minimum(straight, 1), without), 1 - through
 
 
 def albedo(facing: Floats, rough: float) -> tuple[Floats, Floats]:

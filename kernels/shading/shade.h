@@ -536,12 +536,15 @@ INLINE void light_colors(const Shading *shading, global const Material *m, const
     light_up(shading->lighting, m, s, mapped, shading->textures, channel, highlight);
 #if FULL_HIGHLIGHTS
     // A highlight covers what it lies on: what is transparent comes through less. T: with it. D: without it.
-    //   cover = max (T - D) / (1 - D),   alpha' = 1 - (1 - alpha) (1 - cover),   C alpha' = T - (1 - alpha) (1 - cover) D
+    //   cover = max (T - D) / max(1 - D, 1/4),   alpha' = 1 - (1 - alpha) (1 - cover),
+    //   C alpha' = T - (1 - alpha) (1 - cover) D,   but no more than alpha'
+    // Where D is nearly white, a highlight adds next to nothing. Divided by 1 - D that would cover all, beside places where
+    // D is white and nothing is added.
     const Reals zero = (Reals)(0.0f), one = (Reals)(1.0f);
     Reals with[3], cover = zero;
     UNROLL for (int c = 0; c < 3; ++c) {
         with[c] = shown_light(shading, channel[c] + highlight[c]), channel[c] = shown_light(shading, channel[c]);
-        Reals left = 1.0f - channel[c], share = left > zero ? (with[c] - channel[c]) / left : zero;
+        Reals left = 1.0f - channel[c], share = (with[c] - channel[c]) / MAX(left, (Reals)(0.25f));
         cover = MAX(cover, share);
     }
     cover = least_of(cover, one);

@@ -223,14 +223,14 @@ def test_what_only_lights_show_is_noted_without_them() -> None:
 
 @pytest.mark.parametrize("alpha", [0.0, 0.25, 0.5, 0.9, 1.0])
 def test_full_highlights_cover_what_they_lie_on(alpha: float) -> None:
-    """alpha' = 1 - (1 - alpha) (1 - s), and the colour, premultiplied, is T - (1 - alpha) (1 - s) D."""
+    """alpha' = 1 - (1 - alpha) (1 - s), and the colour, premultiplied, is T - (1 - alpha) (1 - s) D, within alpha'."""
     finish, base = Finish(0.0, 0.35), (0.3, 0.1, 0.05)
     color = (*(float(v) for v in srgb(np.array(base))), alpha)
     lights: tuple[Lamp, ...] = (AmbientLight(intensity=0.3), DirectionalLight(direction=(0.1, -0.4, -1), intensity=1.2))
     got = drawn(quad(0, 0, finish, color, lights), "scene", highlights="full", opaque="blend")
     plain, shine = expected(0, 0, finish, base, lights, False)
     with_it, without = np.minimum(srgb(plain + shine), 1), srgb(plain)
-    cover = ((with_it - without) / (1 - without)).max(axis=-1, keepdims=True)
+    cover = ((with_it - without) / np.maximum(1 - without, 0.25)).max(axis=-1, keepdims=True)
     assert cover.max() > 0.3 > cover.min()
     through = (1 - alpha) * (1 - cover)
     np.testing.assert_allclose(got[..., 3:], 1 - through, atol=SHOWN)

@@ -21,7 +21,7 @@ KINDS: dict[Kind, str] = {
 }
 """What a picture is made of. The tool makes anew what is `drawn` or made with `peers`."""
 
-SUFFIXES = (".png", ".jpg", ".svg")
+SUFFIXES = (".png", ".jpg", ".svg", ".webp")
 
 
 @dataclass(frozen=True)
@@ -135,6 +135,12 @@ TOOLS = (
         ("techniques/thickness-*.png", "techniques/translucency-*.png", "scalars/*.png", "looks/ground.png"),
         "python tools/draw_models.py",
         needs=("models",),
+    ),
+    Entry(
+        "turntable",
+        ("turntable/bunny.webp",),
+        "clpeel turntable bunny.ply ...: docs/turntable.md has the whole command",
+        "by hand",
     ),
     Entry("performance", ("performance/*.png",), "python tools/bench.py --report docs", "measured"),
     Entry(
