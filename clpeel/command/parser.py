@@ -56,12 +56,16 @@ Compile the kernels of common kinds of pictures ahead, and keep them: after an i
 Each kind takes a second or less, which the first picture of that kind then need not wait for.
 """
 
+REPORT = """\
+Print versions and devices, for a bug report. With a picture that clpeel wrote: print how it was made.
+"""
+
 FILES = "FILE... [-o OUT.png] [options]"
 TEXTS: dict[str, tuple[str, str, str, str | None]] = {
     "render": (
-        "render mesh files to a PNG",
+        "render mesh files to a picture: PNG, JPEG, WebP, TIFF, OpenEXR or .npz",
         FILES,
-        "Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one PNG.",
+        "Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one picture.",
         EXAMPLES,
     ),
     "layers": (
@@ -102,7 +106,7 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
     ),
     "techniques": ("list the techniques and their options", "", "", None),
     "devices": ("list the OpenCL devices, the default one marked; or check them", "[options]", DEVICES, None),
-    "report": ("print versions and devices, for a bug report", "", "", None),
+    "report": ("print versions and devices, for a bug report; or how a picture was made", "[PICTURE]", REPORT, None),
 }
 """Each command's line of help, usage, description (by default that line), and what its help ends with."""
 
@@ -228,6 +232,8 @@ def _add_options(parser: Parser) -> None:
     options.add_boxes_options(of["demo"])
     options.add_warm_up_options(of["warm-up"])
     options.add_check_options(of["devices"])
+    text = "a picture that clpeel wrote (PNG, JPEG, WebP, TIFF, OpenEXR, .npz): print how it was made"
+    of["report"].add_argument("picture", nargs="?", metavar="PICTURE", help=text)
     for name in TABLES:
         of[name].add_argument("--verbose", action="store_true", help="on an error, show the whole trace")
     for action in _options(parser):
@@ -244,7 +250,9 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     Raises SystemExit after --help and --version, and InputError if the arguments are wrong.
     """
     parser = make_parser(bare=all(argument in ("-h", "--help") for argument in arguments))
-    options, unknown = parser.parse_known_args(tidy(arguments, parser.known, parser.valued))
+    words = tidy(arguments, parser.known, parser.valued)
+    options, unknown = parser.parse_known_args(words)
+    options.words = tuple(words)
     if options.command is None and not unknown:
         parser.print_help()
         parser.exit()
