@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -126,14 +126,9 @@ def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
     if options.explain and options.technique != AUTO:
         raise InputError(f"--explain: expected --technique auto, whose choice it explains, got '{options.technique}'")
     found = _Outputs(output, stats, check_maps(options.map or (), _having_maps(options)), format)
-    if (
-        layers
-        and not format
-        and stats
-        and os.path.dirname(stats) == output
-        and re.fullmatch(LAYER_FILES, os.path.basename(stats))
-    ):
-        raise InputError(f"--stats: expected a file of its own, got '{options.stats}', which is that of a layer")
+    if layers and format is None:
+        beside = [("--map", each.given, each.path) for each in found.maps]
+        _check_beside_layers(output, [("--stats", options.stats, stats), *beside])
     _check_held_maps(options, format)
     maps = {f"--map {each.name}={each.given}": each.path for each in found.maps}
     check_apart({"--output": output, "--stats": stats, **maps}, getattr(options, "files", ()))
@@ -155,6 +150,16 @@ def _layers_output(options: argparse.Namespace) -> tuple[str, Chosen | None]:
     if options.keep_alpha:
         raise InputError(f"--keep-alpha: expected a folder of pictures, got the file '{options.output}'")
     return check_writable(options.output, "--output"), chosen(options.output, among=LAYERS, name="--output")
+
+
+def _check_beside_layers(folder: str, files: Iterable[tuple[str, str, str | None]]) -> None:
+    """Raise InputError if a file would be one of those that layers are written into.
+
+    files: the option, the path as it was given, and the path with links resolved, None where there is no file.
+    """
+    for option, given, path in files:
+        if path and os.path.dirname(path) == folder and re.fullmatch(LAYER_FILES, os.path.basename(path)):
+            raise InputError(f"{option}: expected a file of its own, got '{given}', which is that of a layer")
 
 
 def _check_held_maps(options: argparse.Namespace, format: Chosen | None) -> None:
@@ -220,7 +225,7 @@ def _given(options: argparse.Namespace, layers: bool, scene: Scene | None = None
 
 def _needs_color(options: argparse.Namespace) -> bool:
     """Whether the picture's file has more than 8 bits a channel."""
-    return options.output != "-" and chosen(options.output, options.bit_depth).bits > 8 or options.bit_depth == 16
+    return chosen(options.output, options.bit_depth).bits > 8
 
 
 def _check_request(options: argparse.Namespace, layers: bool) -> None:

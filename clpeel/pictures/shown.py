@@ -62,7 +62,8 @@ class Shown:
     ) -> NDArray[Any]:
         found = np.empty(self.image.shape, dtype)
         for top, shown in self._strips():
-            found[top : top + len(shown)] = convert(shown)
+            with np.errstate(over="ignore"):  # what half floats cannot hold becomes infinite
+                found[top : top + len(shown)] = convert(shown)
         return found
 
     def _strips(self) -> Iterator[tuple[int, NDArray[np.float64]]]:

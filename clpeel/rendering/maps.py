@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ def layers_for(names: Iterable[str]) -> int:
 
 
 def view_maps(
-    names: Iterable[str],
+    names: Collection[str],
     layers: Layers | None,
     color: NDArray[np.float32] | None,
     scene: Scene,
@@ -44,23 +44,25 @@ def view_maps(
     """
     found: dict[str, Map] = {}
     if layers is not None:
-        found |= _foremost(layers, scene, camera)
         width, height = layers.size
+        found["depth"], found["triangle"] = _foremost(layers)
         found[LAYER_COUNT] = np.diff(layers.start).reshape(height, width).astype(np.float32)
+        if "normal" in names:
+            found["normal"] = face_normals(found["triangle"], scene, camera)
     if color is not None:
         found[TRANSMITTANCE] = np.clip(np.float32(1) - color[..., 3], np.float32(0), np.float32(1))
     return {name: found[name] for name in names}
 
 
-def _foremost(layers: Layers, scene: Scene, camera: Camera) -> dict[str, Map]:
-    """Return the maps of the foremost layer."""
+def _foremost(layers: Layers) -> tuple[Map, Map]:
+    """Return the depths and triangles of the foremost layer."""
     width, height = layers.size
     if layers.count:
         _, depth, triangle = layers.layer(0)
     else:
         depth = np.full((height, width), np.inf, layers.depth.dtype)
         triangle = np.full((height, width), -1, np.int32)
-    return {"depth": depth, "triangle": triangle, "normal": face_normals(triangle, scene, camera)}
+    return depth, triangle
 
 
 def face_normals(triangle: NDArray[np.int32], scene: Scene, camera: Camera) -> NDArray[np.float32]:

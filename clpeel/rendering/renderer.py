@@ -318,8 +318,10 @@ class Renderer:
         self, scene: DeviceScene, request: Request, budget: Budget, stats: Stats, finished: Finished
     ) -> tuple[Layers | None, dict[str, Map]]:
         """The layers that the technique peels, if they are asked for, and all maps."""
-        own = request.technique.peeled(request.options) or (0, 0)
-        layers = self._peeled(scene, request, budget, stats, own) if request.picture.layers else None
+        own, layers = (0, 0), None
+        if request.picture.layers:
+            own = request.technique.peeled(request.options) or own
+            layers = self._peeled(scene, request, budget, stats, own)
         names = [name for name in request.picture.maps if name not in (*finished.maps, *request.technique.maps)]
         needed = layers_for(names)
         of_maps = layers if own == (ALL_LAYERS, 0) and request.keep_coincident else None

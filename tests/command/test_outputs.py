@@ -147,6 +147,8 @@ def test_layers_as_one_file(here: Path) -> None:
             ["layers", "-o", "x.exr", "--keep-alpha"],
             "--keep-alpha: expected a folder of pictures, got the file 'x.exr'",
         ),
+        (["layers", "-o", ".", "--map", "depth=layers.npz"], "got 'layers.npz', which is that of a layer"),
+        (["layers", "-o", ".", "--map", "depth=./layer-03.png"], "got './layer-03.png', which is that of a layer"),
         (["layers", "-o", "no/x.exr"], "--output: the folder '"),
     ],
 )

@@ -232,3 +232,17 @@ def test_no_suffix_is_a_png(results: Any, tmp_path: Path) -> None:
     for name in ("x", ".png", "é'\"\n", "x" * 255):
         results["over"].save(tmp_path / name)
         assert Image.open(io.BytesIO((tmp_path / name).read_bytes())).format == "PNG"
+
+
+def test_light_beyond_half_floats_is_refused(tmp_path: Path) -> None:
+    from clpeel.pictures.encode import encode
+    from clpeel.pictures.shown import Shown
+
+    color = np.full((1, 1, 4), 255.0, np.float32)
+    color[..., 3] = 1
+    bright = Shown(np.full((1, 1, 4), 255, np.uint8), color)
+    with pytest.raises(clpeel.InputError, match="expected light that half floats hold, at most 65504, got more; give"):
+        encode(bright, formats.chosen("x.exr"))
+    (tmp_path / "x.exr").write_bytes(encode(bright, formats.chosen("x.exr", 32)))
+    read = OpenImageIO.ImageInput.open(str(tmp_path / "x.exr")).read_image(OpenImageIO.FLOAT)
+    assert np.allclose(read[0, 0, :3], to_linear(255.0), rtol=1e-6)
