@@ -66,10 +66,8 @@ def read_provenance(path: str | os.PathLike[str]) -> dict[str, str]:
         if error.strerror:
             raise InputError(f"{name}: cannot be read: {error.strerror}") from None
         text = None  # Pillow's errors of damaged files
-    except ImportError as error:
-        raise InputError(
-            f"{name}: expected the package OpenEXR to read it ({error}); run: pip install 'clpeel[exr]'"
-        ) from None
+    except ImportError:
+        raise InputError(f"{name}: expected the package OpenEXR to read it; run: pip install 'clpeel[exr]'") from None
     except Exception:  # libraries may raise anything on damaged files
         text = None
     found = None if text is None else _object(text)

@@ -326,7 +326,7 @@ class Renderer:
         needed = layers_for(names)
         of_maps = layers if own == (ALL_LAYERS, 0) and request.keep_coincident else None
         if needed and of_maps is None:
-            of_maps = self._peeled(scene, request, budget, stats, (needed, 0), keep_coincident=True)
+            of_maps = self._peeled(scene, request, budget, stats, (needed, 0), request.of_layers)
         return layers, {**finished.maps, **view_maps(names, of_maps, finished.color, scene.scene, request.camera)}
 
     def _peeled(
@@ -336,14 +336,15 @@ class Renderer:
         budget: Budget,
         stats: Stats,
         ends: tuple[int, int],
-        keep_coincident: bool | None = None,
+        seen: Request | None = None,
     ) -> Layers:
         """So many layers from the front and from the back. Their time is added to the stats.
 
-        keep_coincident: None for what the request says.
+        seen: says which surfaces count, where that is not the request. They are lit as the request says.
         """
         begun = time.perf_counter()
         front, back = ends
+        seen = seen or request
         peeled = Peeled(
             camera=request.camera,
             size=request.picture.size,
@@ -351,10 +352,10 @@ class Renderer:
             lit=request.lit,
             front=front,
             back=back,
-            keep_coincident=request.keep_coincident if keep_coincident is None else keep_coincident,
-            opaque_first=request.opaque_first,
+            keep_coincident=seen.keep_coincident,
+            opaque_first=seen.opaque_first,
             depth_format=request.picture.depth_format,
-            backfaces=request.backfaces,
+            backfaces=seen.backfaces,
             probes=request.picture.anisotropy,
             marks=request.marks,
             wired=self._wired(scene, request),

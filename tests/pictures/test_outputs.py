@@ -246,3 +246,14 @@ def test_light_beyond_half_floats_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.exr").write_bytes(encode(bright, formats.chosen("x.exr", 32)))
     read = OpenImageIO.ImageInput.open(str(tmp_path / "x.exr")).read_image(OpenImageIO.FLOAT)
     assert np.allclose(read[0, 0, :3], to_linear(255.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["x.webp", "x.png", "x.tif"])
+def test_colours_that_nobody_sees_are_kept(name: str) -> None:
+    from clpeel.pictures.encode import encode
+    from clpeel.pictures.shown import Shown
+
+    image = np.random.default_rng(0).integers(0, 256, (20, 30, 4), dtype=np.uint8)
+    image[..., 3] = np.where(image[..., 3] < 128, 0, image[..., 3])
+    with Image.open(io.BytesIO(encode(Shown(image, None), formats.chosen(name)))) as file:
+        assert (np.asarray(file) == image).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -144,6 +145,7 @@ DAMAGED = {
     "deep": chunk("clpeel", "[" * 100_000),
     "another keyword": chunk("Comment", '{"software": "x"}'),
     "a bomb": chunk("clpeel", '{"a": "' + "x" * 30_000_000 + '"}', compressed=True),
+    "too long": chunk("clpeel", '{"a": "' + "x" * 2_000_000 + '"}'),
     "png cut": chunk("clpeel", '{"software": "x"}')[:50],
     "jpeg cut": b"\xff\xd8\xff\xe1\xff\xffExif\0\0II*\0\xff\xff\xff\xff",
     "webp cut": b"RIFF\xff\xff\xff\xffWEBPVP8X",
@@ -182,6 +184,15 @@ def test_what_is_no_file(tmp_path: Path, monkeypatch: Any) -> None:
         read_provenance("/dev/zero")
     with pytest.raises(clpeel.InputError, match="expected a picture, got no such file"):
         read_provenance("x" * 300)
+
+
+def test_without_openexr(result: clpeel.Result, tmp_path: Path, monkeypatch: Any) -> None:
+    result.save(tmp_path / "x.exr")
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    with pytest.raises(
+        clpeel.InputError, match=r"x.exr: expected the package OpenEXR to read it; run: pip install 'clp"
+    ):
+        read_provenance(tmp_path / "x.exr")
 
 
 def test_any_bytes_changed(result: clpeel.Result, tmp_path: Path) -> None:
