@@ -26,19 +26,14 @@ does."""
 # --- where they may be ------------------------------------------------------------------------------------------------
 
 
-def checked_file(path: str | os.PathLike[str], name: str = "output", suffix: str = "") -> str:
+def checked_file(path: str | os.PathLike[str], name: str = "output") -> str:
     """Return the path of the file to write, with links resolved.
 
     Raises InputError, before any work, if it cannot be written.
 
-    name: what errors call it. suffix: the only suffix that the file's name may have, though it may have none. A path
-    that is neither a file nor a folder, such as a pipe, is returned unchanged.
+    name: what errors call it. A path that is neither a file nor a folder, such as a pipe, is returned unchanged.
     """
     given, target, kind = _resolved(path, name, "a file name")
-    ending = os.path.splitext(given)[1]
-    if suffix and ending and ending.lower() != suffix:
-        only = suffix[1:].upper()
-        raise InputError(f"{name}: only {only} is written; expected a name ending in {suffix}, got '{given}'")
     if kind == stat.S_IFDIR or given.endswith(os.sep):
         raise InputError(f"{name}: expected a file, got the folder '{given}'")
     if kind not in (0, stat.S_IFREG):
@@ -92,14 +87,13 @@ def _check_place(folder: str, name: str) -> None:
 # --- whole or not at all ----------------------------------------------------------------------------------------------
 
 
-def write_whole(path: str | os.PathLike[str], data: bytes | Callable[[IO[bytes]], object], suffix: str = "") -> None:
+def write_whole(path: str | os.PathLike[str], data: bytes | Callable[[IO[bytes]], object]) -> None:
     """Write a file so that afterwards it is either complete or as it was. If the path is a link, its target is written.
 
     data: the file's bytes, or a function that writes them to an open file. The function may be called more than once.
-    suffix: the only suffix that the file's name may have, though it may have none. Raises InputError if the place
-    cannot be written.
+    Raises InputError if the place cannot be written.
     """
-    target = checked_file(path, suffix=suffix)
+    target = checked_file(path)
     with _told(path):
         if os.path.exists(target) and not os.path.isfile(target):  # a device or a pipe cannot be replaced
             with open(target, "wb") as file:

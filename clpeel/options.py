@@ -99,7 +99,7 @@ class Options:
         """Yield the names and values of options that differ from their defaults, in the order of the fields."""
         for each in options_of(type(self)):
             value = getattr(self, each.name)
-            if value != each.default:
+            if value not in (each.default, each.checked(each.default)):
                 yield each.name, value
 
 

@@ -119,7 +119,7 @@ def test_a_link_is_written_through(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     (tmp_path / "link.png").symlink_to("folder/real")
     for data in (b"1", b"2"):
-        write_whole(tmp_path / "link.png", data, ".png")
+        write_whole(tmp_path / "link.png", data)
         assert (tmp_path / "link.png").is_symlink() and (tmp_path / "folder" / "real").read_bytes() == data
     assert os.listdir(tmp_path / "folder") == ["real"]
 

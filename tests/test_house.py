@@ -16,7 +16,7 @@ ROOT = ("errors", "checks", "color", "options", "files", "version")
 STAIRS: dict[str, tuple[str, ...]] = {
     "root": (),
     "scene": ("pictures.colormaps",),
-    "pictures": (),
+    "pictures": ("scene.textures",),
     "reading": ("scene", "pictures.colormaps"),
     "device": (),
     "stages": ("scene", "pictures", "device"),
@@ -40,7 +40,8 @@ STAIRS: dict[str, tuple[str, ...]] = {
 }
 """What each package may import besides the root and itself. Nothing here runs up.
 
-A scene's colours may come from a colour map, which pictures show a scale of.
+A scene's colours may come from a colour map, which pictures show a scale of. Textures know sRGB, which files of light
+are not in.
 """
 
 INSIDE_FUNCTIONS = {

@@ -23,6 +23,7 @@ HEAD = '''\
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, TypedDict
 
 

@@ -25,7 +25,8 @@ def complete(options: argparse.Namespace, words: Words, parser: Parser) -> argpa
     pieces: the meshes, each with the options of its own. files: their paths. named: the files of the command line.
     inputs: all files that are read.
     each, each_texts: values and texts of the options that files may have of their own, as the command line gives them:
-    one for all files or one for each. words: flags and texts of the command line. lights: those of a scene file.
+    one for all files or one for each. words: flags and texts of the command line. line: the command line as it was given,
+    with the file of settings. lights: those of a scene file.
     origins: where values come from that are not of the command line, by name. notes: what is left out.
     Raises InputError.
     """
@@ -49,6 +50,8 @@ def complete(options: argparse.Namespace, words: Words, parser: Parser) -> argpa
     options.each_texts = {name: [text for _, text in pairs] for name, pairs in both.items()}
     first = {action.option_strings[0] for action in command.options()}
     options.words = [(flag, text) for flag, text, _ in words.options if flag in first]
+    own = [f"--config={settings}"] if settings and not options.config else []
+    options.line = [options.command, *own, *words.in_order(named)]
     options.pieces = _pieces(named, scenes, {name: config[name] for name in EACH if name in config}, each)
     _tell_pieces(options, each)
     options.inputs = (*getattr(options, "files", ()), *scenes, *([settings] if settings else []))

@@ -38,6 +38,18 @@ def run_table(options: argparse.Namespace) -> int:
     return 0
 
 
+def run_report(options: argparse.Namespace) -> int:
+    """Run `clpeel report`: what a bug report needs or, of a picture, how it was made."""
+    if options.picture is None:
+        return run_table(options)
+    if not options.verbose:
+        quiet_libraries()
+    from clpeel.command.provenance import provenance_table
+
+    print_text("\n".join(provenance_table(options.picture)))
+    return 0
+
+
 def run_devices(options: argparse.Namespace) -> int:
     """Run `clpeel devices`: a table of them or, with `--check`, of their self-tests."""
     if not options.check:
@@ -69,7 +81,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "completion": _in("completion", "run_completion"),
     "techniques": run_table,
     "devices": run_devices,
-    "report": run_table,
+    "report": run_report,
 }
 
 

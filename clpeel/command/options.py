@@ -10,7 +10,7 @@ from typing import Literal
 from clpeel.command import values
 from clpeel.command.coloring import add_coloring_options
 from clpeel.options import Option, options_of
-from clpeel.rendering.options import BACKGROUND, SAMPLES, PictureOptions
+from clpeel.rendering.options import BACKGROUND, SAMPLES, VIEW_MAPS, PictureOptions
 from clpeel.techniques import TECHNIQUES, AutoOptions
 
 PICTURE = {each.name: each for each in options_of(PictureOptions)}
@@ -49,7 +49,10 @@ def add_picture_options(
 ) -> None:
     """Add the options that `render` and `demo` share."""
     group = parser.add_argument_group("picture")
-    _add_output(group, output, "OUT.png", "PNG file to write, or - for standard output")
+    text = "picture to write: .png, .jpg, .webp, .tif, .exr or .npz; or - for standard output, a PNG"
+    _add_output(group, output, "OUT.png", text)
+    text = "bits a channel: 8 or 16 of .png, 8, 16 or 32 of .tif, 16 or 32 of .exr (default: the least)"
+    group.add_argument("--bit-depth", type=values.bit_depth, metavar="N", help=text)
     _add_view_options(parser, group, resolution, samples)
     _add_additions(group)
 
@@ -68,7 +71,12 @@ def _add_additions(group: argparse._ArgumentGroup) -> None:
 def add_layers_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of `layers`: those of `render`, and how a layer is shown."""
     group = parser.add_argument_group("pictures")
-    _add_output(group, "layers", "DIR", "folder for layer-01.png, layer-02.png, ... and layers.npz")
+    _add_output(
+        group,
+        "layers",
+        "DIR|FILE.exr",
+        "folder for layer-01.png, layer-02.png, ... and layers.npz; or one file: .exr (deep), .npz",
+    )
     group.add_argument(
         "--keep-alpha",
         action="store_true",
@@ -236,8 +244,10 @@ def _add_method_options(parser: argparse.ArgumentParser, samples: int | None) ->
     _add_technique_options(group)
     text = "with auto: what it chose, why, and what others would have cost"
     group.add_argument("--explain", action="store_true", help=text)
-    text = "write the map of techniques that make one, as an array of NumPy: a row for each row of pixels"
-    group.add_argument("--map", metavar="FILE.npy", help=text)
+    text = f"write a map: {', '.join(VIEW_MAPS)} or the technique's own, to .npy, .npz, .exr, .tif or .png; repeatable"
+    group.add_argument("--map", action="append", metavar="NAME=FILE", help=text)
+    text = "do not write into the files how they were made, which the names of the mesh files are a part of"
+    group.add_argument("--no-provenance", action="store_true", help=text)
     each = PICTURE["samples"]
     if samples is None:
         each = replace(each, help=f"{each.help} (default: {SAMPLES}, or 1 for a map)")

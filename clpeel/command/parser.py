@@ -71,12 +71,16 @@ For bash:  clpeel completion bash > ~/.local/share/bash-completion/completions/c
 Needs: pip install 'clpeel[completion]'
 """
 
+REPORT = """\
+Print versions and devices, for a bug report. With a picture that clpeel wrote: print how it was made.
+"""
+
 FILES = "FILE... [-o OUT.png] [options]"
 TEXTS: dict[str, tuple[str, str, str, str | None]] = {
     "render": (
-        "render mesh files to a PNG",
+        "render mesh files to a picture: PNG, JPEG, WebP, TIFF, OpenEXR or .npz",
         FILES,
-        "Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one PNG.",
+        "Render mesh files (PLY, STL, OBJ, OFF, GLB, glTF, 3MF, or .gz of them) to one picture.",
         EXAMPLES,
     ),
     "layers": (
@@ -124,7 +128,7 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
     "completion": ("print what makes a shell complete clpeel's commands and options", "SHELL", COMPLETION, None),
     "techniques": ("list the techniques and their options", "", "", None),
     "devices": ("list the OpenCL devices, the default one marked; or check them", "[options]", DEVICES, None),
-    "report": ("print versions and devices, for a bug report", "", "", None),
+    "report": ("print versions and devices, for a bug report; or how a picture was made", "[PICTURE]", REPORT, None),
 }
 """Each command's line of help, usage, description (by default that line), and what its help ends with."""
 
@@ -347,6 +351,8 @@ def _add_options(parser: Parser) -> None:
     options.add_warm_up_options(of["warm-up"])
     options.add_check_options(of["devices"])
     of["completion"].add_argument("shell", metavar="SHELL", help="bash, zsh, tcsh or fish")
+    text = "a picture that clpeel wrote (PNG, JPEG, WebP, TIFF, OpenEXR, .npz): print how it was made"
+    of["report"].add_argument("picture", nargs="?", metavar="PICTURE", help=text)
     for name in TABLES:
         of[name].add_argument("--verbose", action="store_true", help="on an error, show the whole trace")
     for name, command in of.items():

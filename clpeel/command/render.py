@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,18 +15,23 @@ from clpeel.command.inputs import load_demo, load_files, make_camera
 from clpeel.command.options import EDGES, MARKS, METHOD, technique_options
 from clpeel.command.outputs import (
     LAYER_FILES,
+    MapOutput,
     check_apart,
-    check_map,
+    check_maps,
     check_picture,
     check_writable,
+    counted,
+    map_and_file,
     plain,
     write,
     write_layers,
 )
+from clpeel.command.provenance import command_words
 from clpeel.command.streams import check_standard_output, print_text, quiet_libraries, say, say_notes
 from clpeel.command.terminal import Progress, format_stats
 from clpeel.errors import InputError
 from clpeel.files import checked_folder
+from clpeel.pictures.formats import EXR, LAYERS, NPZ, Chosen, chosen
 
 if TYPE_CHECKING:
     from clpeel.rendering.options import Lighting
@@ -104,28 +109,72 @@ class _Outputs:
 
     picture: str
     stats: str | None
-    map: str | None
+    maps: Sequence[MapOutput]
+    format: Chosen | None
+    """The picture's, or that of a single file of layers. None for a folder of layers."""
 
 
 def _outputs(options: argparse.Namespace, layers: bool) -> _Outputs:
     """Return where each output goes. Raises InputError or OSError if it cannot go there."""
-    if layers and options.output == "-":
-        raise InputError("--output: expected a folder, got '-'")
-    output = checked_folder(options.output, "--output") if layers else check_picture(options.output)
+    output, format = _layers_output(options) if layers else _picture_output(options)
     stats = None if options.stats is None else check_writable(options.stats, "--stats")
     if options.explain:
         check_standard_output()
 
-    from clpeel.techniques import AUTO, technique
+    from clpeel.techniques import AUTO
 
     if options.explain and options.technique != AUTO:
         raise InputError(f"--explain: expected --technique auto, whose choice it explains, got '{options.technique}'")
-    maps = () if options.technique == AUTO else technique(options.technique).maps
-    found = _Outputs(output, stats, None if options.map is None else check_map(options.map, maps))
-    if layers and stats and os.path.dirname(stats) == output and re.fullmatch(LAYER_FILES, os.path.basename(stats)):
-        raise InputError(f"--stats: expected a file of its own, got '{options.stats}', which is that of a layer")
-    check_apart({"--output": output, "--stats": stats, "--map": found.map}, options.inputs)
+    found = _Outputs(output, stats, check_maps(options.map or (), _having_maps(options)), format)
+    if layers and format is None:
+        beside = [("--map", each.given, each.path) for each in found.maps]
+        _check_beside_layers(output, [("--stats", options.stats, stats), *beside])
+    _check_held_maps(options, format)
+    maps = {f"--map {each.name}={each.given}": each.path for each in found.maps}
+    check_apart({"--output": output, "--stats": stats, **maps}, options.inputs)
     return found
+
+
+def _picture_output(options: argparse.Namespace) -> tuple[str, Chosen]:
+    """Return where the picture goes, and in which format. Raises InputError or OSError if it cannot."""
+    return check_picture(options.output, options.resolution, options.no_background, options.bit_depth)
+
+
+def _layers_output(options: argparse.Namespace) -> tuple[str, Chosen | None]:
+    """Return where layers go, and the format if that is one file. Raises InputError or OSError if they cannot."""
+    if options.output == "-":
+        raise InputError("--output: expected a folder, got '-'")
+    suffix = os.path.splitext(options.output)[1].lower()
+    if os.path.isdir(options.output) or not any(suffix in each.suffixes for each in LAYERS):
+        return checked_folder(options.output, "--output"), None
+    if options.keep_alpha:
+        raise InputError(f"--keep-alpha: expected a folder of pictures, got the file '{options.output}'")
+    return check_writable(options.output, "--output"), chosen(options.output, among=LAYERS, name="--output")
+
+
+def _check_beside_layers(folder: str, files: Iterable[tuple[str, str, str | None]]) -> None:
+    """Raise InputError if a file would be one of those that layers are written into.
+
+    files: the option, the path as it was given, and the path with links resolved, None where there is no file.
+    """
+    for option, given, path in files:
+        if path and os.path.dirname(path) == folder and re.fullmatch(LAYER_FILES, os.path.basename(path)):
+            raise InputError(f"{option}: expected a file of its own, got '{given}', which is that of a layer")
+
+
+def _check_held_maps(options: argparse.Namespace, format: Chosen | None) -> None:
+    """Raise InputError if a map is asked for without a file, and the picture's file cannot hold it."""
+    for text in options.map or ():
+        name, path = map_and_file(text)
+        if name is not None and path is None and (format is None or format.format not in (EXR, NPZ)):
+            raise InputError(f"--map: expected {text}=FILE, or --output to .exr or .npz, which hold maps, got '{text}'")
+
+
+def _having_maps(options: argparse.Namespace) -> Sequence[str]:
+    """Return the names of the maps that a picture by the technique may have, its own first."""
+    from clpeel.rendering.request import maps_of
+
+    return maps_of(options.technique, options.max_error is not None)
 
 
 def given_options(options: argparse.Namespace, scene: Scene | None = None) -> dict[str, Any]:
@@ -167,8 +216,16 @@ def lighting_for(options: argparse.Namespace, scene: Scene | None) -> Lighting:
 
 def _given(options: argparse.Namespace, layers: bool, scene: Scene | None = None) -> dict[str, Any]:
     """Return the options of `given_options`, and what the command needs of the result."""
-    keep = getattr(options, "bar", False)  # a scale bar is drawn where the picture has no colour
-    return {**given_options(options, scene), "keep_color": keep, **({"layers": True} if layers else {})}
+    maps = [name for text in options.map or () if (name := map_and_file(text)[0]) is not None]
+    # A scale bar is drawn where the picture has no colour.
+    keep = getattr(options, "bar", False) or (not layers and _needs_color(options)) or "transmittance" in maps
+    found = {**given_options(options, scene), "keep_color": keep, "maps": maps}
+    return {**found, "layers": True} if layers else found
+
+
+def _needs_color(options: argparse.Namespace) -> bool:
+    """Whether the picture's file has more than 8 bits a channel."""
+    return chosen(options.output, options.bit_depth).bits > 8
 
 
 def _check_request(options: argparse.Namespace, layers: bool) -> None:
@@ -213,15 +270,29 @@ def _result(
 def _write_result(
     options: argparse.Namespace, outputs: _Outputs, result: Result, layers: bool, progress: Progress
 ) -> str:
-    """Write the picture or the layers, and the map. Returns a text of what was written."""
-    from clpeel.pictures.png import encode_map, encode_png
-    from clpeel.techniques import technique
-
+    """Write the picture or the layers, and the maps. Returns a text of what was written."""
+    provenance = None if options.no_provenance else command_words(result.provenance, options.line)
     wrote: str = options.output
-    if layers:
-        wrote = write_layers(outputs.picture, result.layers, options, progress)
+    if layers and outputs.format is None:
+        wrote = write_layers(outputs.picture, result.layers, options, progress, provenance)
+    elif layers:
+        assert outputs.format is not None
+        write(outputs.picture, result.layers.encoded(outputs.format, provenance))
+        wrote = f"{options.output}, {counted(result.layers)}"
     else:
-        write(outputs.picture, encode_png(result.image))
-    if outputs.map is not None:
-        write(outputs.map, encode_map(result.map(technique(options.technique).maps[0])))
+        assert outputs.format is not None
+        write(outputs.picture, result.encoded(outputs.format, provenance))
+    for each in outputs.maps:
+        _write_map(each, result, provenance, options.quiet)
     return wrote
+
+
+def _write_map(output: MapOutput, result: Result, provenance: dict[str, str] | None, quiet: bool) -> None:
+    """Write a map, and say what its numbers stand for where the file holds others."""
+    from clpeel.pictures.map_files import encode_map
+
+    words = None if provenance is None else {**provenance, "map": output.name}
+    data, note = encode_map(output.name, result.map(output.name), output.found, words)
+    write(output.path, data)
+    if note is not None and not quiet:
+        say_notes([f"'{output.given}' has levels of {note}"])

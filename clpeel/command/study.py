@@ -13,6 +13,7 @@ from clpeel.command.render import given_marks, lighting_for
 from clpeel.command.streams import check_standard_output, print_text, quiet_libraries, say, say_notes
 from clpeel.command.terminal import EXIT_INTERRUPTED, Progress
 from clpeel.errors import InputError
+from clpeel.pictures.formats import EIGHT_BITS
 
 if TYPE_CHECKING:
     from clpeel.scene.scene import Scene
@@ -96,7 +97,7 @@ def run_complexity(options: argparse.Namespace) -> int:
     """Load, count and write. Nothing slow begins before the request is known to be possible."""
     if not options.verbose:
         quiet_libraries()
-    output = check_picture(options.output)
+    output, format = check_picture(options.output, options.resolution, options.no_background, among=EIGHT_BITS)
     figures_output = None if options.json is None else check_writable(options.json, "--json")
     if figures_output == "-":
         raise InputError("--json: expected a file of its own, got '-'")
@@ -109,7 +110,8 @@ def run_complexity(options: argparse.Namespace) -> int:
     import clpeel
     from clpeel.command.terminal import format_complexity
     from clpeel.device.cache import take_notes
-    from clpeel.pictures.png import encode_png
+    from clpeel.pictures.encode import encode
+    from clpeel.pictures.shown import Shown
 
     load, _, progress = _begin(options)
     try:
@@ -130,7 +132,7 @@ def run_complexity(options: argparse.Namespace) -> int:
         )
         progress(1.0, "writing")
         background = None if options.no_background else options.background_color
-        write(output, encode_png(found.image(background, not options.no_scale_bar)))
+        write(output, encode(Shown(found.image(background, not options.no_scale_bar), None), format))
         if figures_output is not None:
             import json
 

@@ -172,6 +172,13 @@ def port(text: str) -> int:
     return value
 
 
+def bit_depth(text: str) -> int:
+    """Read 8, 16 or 32."""
+    if text not in ("8", "16", "32"):
+        raise argparse.ArgumentTypeError(f"expected 8, 16 or 32, got '{text}'")
+    return int(text)
+
+
 def index(text: str) -> int:
     """Read a whole number of 0 or more."""
     if not re.fullmatch(r"[0-9]+", text):

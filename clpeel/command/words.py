@@ -16,6 +16,14 @@ class Words(NamedTuple):
     arguments: list[str]
     options: list[tuple[str, str | None, int]]
 
+    def in_order(self, files: Sequence[str]) -> list[str]:
+        """Return the options, as `--opt=value`, and the files as they were given, each in its place."""
+        found = []
+        for k in range(len(files) + 1):
+            found += [flag if text is None else f"{flag}={text}" for flag, text, before in self.options if before == k]
+            found += files[k : k + 1]
+        return found
+
 
 def tidied(arguments: Sequence[str], known_options: Iterable[argparse.Action]) -> Words:
     """Bring a command's arguments into the order and form that argparse understands: options first, as `--opt=value`.

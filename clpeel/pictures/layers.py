@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.checks import MAX_SIDE, GivenBackground, checked_background
 from clpeel.errors import InputError
-from clpeel.files import write_whole
+from clpeel.files import checked_file, write_whole
 from clpeel.pictures.background import rows_of
+from clpeel.pictures.formats import LAYERS, NPZ, Chosen, chosen
 from clpeel.pictures.lengths import Lengths
 from clpeel.pictures.over import straight
+from clpeel.pictures.provenance import NPZ_KEY, Provenance, text_of
 
 FORMAT = 1
 """The format number of the files that `Layers.save` writes."""
@@ -150,16 +153,30 @@ class Layers:
         alpha = color[..., 3:] if keep_alpha else (triangle >= 0)[..., None].astype(np.float32)
         return over_background(alpha * color[..., :3], np.float32(1) - alpha, background)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write all layers as an .npz file for `load_layers`, whole or not at all.
+    def save(self, path: str | os.PathLike[str], provenance: Provenance | None = None) -> None:
+        """Write all layers, whole or not at all: as an .npz file for `load_layers`, or as a deep .exr file.
 
-        If path is a link, its target is written.
+        If path is a link, its target is written. A deep file has the samples of each pixel from front to back: R, G, B
+        (linear light, premultiplied), A, Z (the depth) and id (the triangle). provenance: what the file says of how it
+        was made, such as `Result.provenance`.
 
-        Raises InputError if the place cannot be written, or if the name ends in anything but .npz.
+        Raises InputError if the place cannot be written, if the name ends in anything but .npz or .exr, if the package
+        OpenEXR is missing, or if an .exr file cannot hold the depths.
         """
+        found = chosen(path, among=LAYERS)
+        checked_file(path)  # before any work
+        write_whole(path, self.encoded(found, provenance))
+
+    def encoded(self, found: Chosen, provenance: Provenance | None = None) -> bytes | Callable[[IO[bytes]], object]:
+        """Return the layers in that format: the bytes of a file, or a function that writes them to an open one."""
+        if found.format is not NPZ:
+            from clpeel.pictures.exr import encode_deep
+
+            return encode_deep(self, provenance)
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        arrays |= {} if provenance is None else {NPZ_KEY: np.array(text_of(provenance))}
         size = np.array(self.size, np.int32)
-        write_whole(path, lambda file: np.savez(file, format=np.int32(FORMAT), size=size, **arrays), ".npz")
+        return lambda file: np.savez(file, format=np.int32(FORMAT), size=size, **arrays)
 
 
 def over_background(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, TypedDict
 
 
@@ -20,6 +21,8 @@ class Keywords(TypedDict, total=False):
     """Whether the result has the float32 colour besides the 8-bit picture."""
     layers: bool
     """Whether the result has the layers of every pixel."""
+    maps: Sequence[str]
+    """Maps that the result has besides: depth, normal, triangle, layer_count, transmittance."""
     opaque: Literal["first", "blend"]
     """Draw opaque surfaces first (default), or blend them as any other."""
     execution: Literal["tiles", "passes"]

@@ -27,6 +27,12 @@ BACKGROUND: Rgb = (200 / 255, 204 / 255, 210 / 255)
 through.
 """
 
+FOREMOST_MAPS = ("depth", "normal", "triangle")
+"""Maps of the surface that is seen first at a pixel's centre, however transparent it is."""
+
+VIEW_MAPS = (*FOREMOST_MAPS, "layer_count", "transmittance")
+"""Maps that pictures of any technique may have besides the technique's own (rendering/maps.py)."""
+
 SAMPLES = 4
 """Samples a pixel by default. Maps, such as thicknesses, and layers have 1: there the pixel's centre counts."""
 
@@ -49,6 +55,14 @@ def checked_layers(name: str, value: object) -> bool:
     if type(value).__name__ not in ("bool", "bool_"):  # NumPy's bool has either name
         raise InputError(f"{name}: expected True or False, got {value!r}; layers in each pass are layers_per_pass")
     return bool(value)
+
+
+def _checked_maps(name: str, value: object) -> tuple[str, ...]:
+    """The names of maps, each once. Raises InputError if they are no names; the technique says which there are."""
+    given = (value,) if isinstance(value, str) else value
+    if not isinstance(given, Sequence) or not all(isinstance(each, str) for each in given):
+        raise InputError(f"{name}: expected names of maps, such as ('depth', 'normal'), got {value!r}")
+    return tuple(dict.fromkeys(given))
 
 
 def _checked_length(name: str, value: object) -> object:
@@ -105,6 +119,11 @@ class PictureOptions(Options):
     )
     keep_color: bool = option(True, help="whether the result has the float32 colour besides the 8-bit picture")
     layers: bool = option(False, Kind(checked_layers), help="whether the result has the layers of every pixel")
+    maps: Sequence[str] = option(
+        (),
+        Kind(_checked_maps),
+        help="maps that the result has besides: depth, normal, triangle, layer_count, transmittance",
+    )
     opaque: Opaque = option("first", help="draw opaque surfaces first (default), or blend them as any other")
     execution: Execution = option(
         "tiles", help="draw tile by tile (default), or pass by pass as the papers do, where the technique can"

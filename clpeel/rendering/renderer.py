@@ -17,6 +17,7 @@ from clpeel.checks import GivenBackground
 from clpeel.device.building import at_work, keep
 from clpeel.device.cache import take_notes
 from clpeel.device.devices import check_process, open_device
+from clpeel.device.layout import ALL_LAYERS
 from clpeel.device.memory import Budget
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
@@ -25,6 +26,8 @@ from clpeel.rendering import self_test
 from clpeel.rendering.auto import Choice, capacity_of, chosen_for
 from clpeel.rendering.blank import why_blank
 from clpeel.rendering.hidden_edges import with_hidden_edges
+from clpeel.rendering.made import Made
+from clpeel.rendering.maps import layers_for, view_maps
 from clpeel.rendering.options import BACKGROUND, Lighting, Size
 from clpeel.rendering.request import Progress, Request
 from clpeel.rendering.result import Clock, Result, Stats, stats_of
@@ -34,7 +37,7 @@ from clpeel.scene.camera import GivenCamera
 from clpeel.scene.normals import with_normals
 from clpeel.scene.scene import Scene, faces_alone, recolored
 from clpeel.stages.binning import Batch, Tiles, bin_triangles
-from clpeel.stages.composite import Finished, Picture
+from clpeel.stages.composite import Finished, Map, Picture
 from clpeel.stages.find_layers import STAGE as LAYERS_STAGE
 from clpeel.stages.find_layers import Peeled, find_layers
 from clpeel.stages.frame import Frame
@@ -173,7 +176,7 @@ class Renderer:
         budget = Budget.of(self.gpu, request.picture.memory_limit, scene.nbytes + triangles.nbytes)
         tiles = bin_triangles(self.gpu, triangles, budget.lists)
         request, batches, choice = chosen_for(request, tiles, budget)
-        tested = self_test.check(self, request, triangles, len(tiles.tile_pairs)) if self._tests else []
+        tested = self._tested(request, triangles, len(tiles.tile_pairs)) if self._tests else []
         picture = self._picture(request)
         frame = Frame(
             self.gpu,
@@ -191,11 +194,19 @@ class Renderer:
         stats = stats_of(request, triangles, drawn, finished, clamped_pixels, picture, clock)
         stats = explained(stats, request, triangles, finished, choice)
         stats.notes.extend((*tested, *self._notes(request)))
-        layers = self._layers(scene, request, budget, stats) if request.picture.layers else None
+        layers, maps = self._layers_and_maps(scene, request, budget, stats, finished)
         request.report(1.0, "done")
         rounding = blending_bound(stats.layers_max + 1, request.blending.precision)  # + 1 for an opaque layer
         rounding = rounding_of(rounding, request.linear)
-        return Result(finished.image, stats, finished.color, finished.maps, layers, rounding)
+        made = Made(request, self.scene, self._opacity)
+        return Result(finished.image, stats, finished.color, maps, layers, rounding, _made=made)
+
+    def _tested(self, request: Request, triangles: Triangles, tiles: int) -> list[str]:
+        """Tests the kernels of the picture, and those of its maps. Returns notes. tiles: of the picture."""
+        notes = self_test.check(self, request, triangles, tiles)
+        if layers_for(request.picture.maps):
+            notes += self_test.check(self, request.of_layers, triangles, tiles)
+        return list(dict.fromkeys(notes))
 
     def _on_device(self, request: Request) -> DeviceScene:
         """The scene on the device, with normals if it is lit. The first request for it uploads it."""
@@ -303,10 +314,37 @@ class Renderer:
         self._pictures.append(Picture(self.gpu, *wanted))
         return self._pictures[-1]
 
-    def _layers(self, scene: DeviceScene, request: Request, budget: Budget, stats: Stats) -> Layers:
-        """The layers that the technique peels. Their time is added to the stats."""
+    def _layers_and_maps(
+        self, scene: DeviceScene, request: Request, budget: Budget, stats: Stats, finished: Finished
+    ) -> tuple[Layers | None, dict[str, Map]]:
+        """The layers that the technique peels, if they are asked for, and all maps."""
+        own, layers = (0, 0), None
+        if request.picture.layers:
+            own = request.technique.peeled(request.options) or own
+            layers = self._peeled(scene, request, budget, stats, own)
+        names = [name for name in request.picture.maps if name not in (*finished.maps, *request.technique.maps)]
+        needed = layers_for(names)
+        of_maps = layers if own == (ALL_LAYERS, 0) and request.keep_coincident else None
+        if needed and of_maps is None:
+            of_maps = self._peeled(scene, request, budget, stats, (needed, 0), request.of_layers)
+        return layers, {**finished.maps, **view_maps(names, of_maps, finished.color, scene.scene, request.camera)}
+
+    def _peeled(
+        self,
+        scene: DeviceScene,
+        request: Request,
+        budget: Budget,
+        stats: Stats,
+        ends: tuple[int, int],
+        seen: Request | None = None,
+    ) -> Layers:
+        """So many layers from the front and from the back. Their time is added to the stats.
+
+        seen: says which surfaces count, where that is not the request. They are lit as the request says.
+        """
         begun = time.perf_counter()
-        front, back = request.technique.peeled(request.options) or (0, 0)
+        front, back = ends
+        seen = seen or request
         peeled = Peeled(
             camera=request.camera,
             size=request.picture.size,
@@ -314,18 +352,19 @@ class Renderer:
             lit=request.lit,
             front=front,
             back=back,
-            keep_coincident=request.keep_coincident,
-            opaque_first=request.opaque_first,
+            keep_coincident=seen.keep_coincident,
+            opaque_first=seen.opaque_first,
             depth_format=request.picture.depth_format,
-            backfaces=request.backfaces,
+            backfaces=seen.backfaces,
             probes=request.picture.anisotropy,
             marks=request.marks,
             wired=self._wired(scene, request),
         )
         layers = find_layers(self.gpu, scene, peeled, budget, request.report)
         seconds = stats.seconds
-        seconds[LAYERS_STAGE] = time.perf_counter() - begun
-        seconds["total"] = seconds.pop("total") + seconds[LAYERS_STAGE]
+        took = time.perf_counter() - begun
+        seconds[LAYERS_STAGE] = seconds.get(LAYERS_STAGE, 0.0) + took
+        seconds["total"] = seconds.pop("total") + took
         return layers
 
 

@@ -11,7 +11,15 @@ from clpeel.checks import Rgb
 from clpeel.device.layout import Targets
 from clpeel.errors import InputError
 from clpeel.options import Options, options_of
-from clpeel.rendering.options import SAMPLES, Lighting, PictureOptions, Size, checked_layers, default_lighting
+from clpeel.rendering.options import (
+    SAMPLES,
+    VIEW_MAPS,
+    Lighting,
+    PictureOptions,
+    Size,
+    checked_layers,
+    default_lighting,
+)
 from clpeel.rendering.shown_errors import may_hide
 from clpeel.scene.camera import Camera, GivenCamera, checked_camera
 from clpeel.scene.lights import KIT, Lamp
@@ -20,7 +28,7 @@ from clpeel.scene.textures import linear
 from clpeel.stages.outlines import Length, Marks
 from clpeel.stages.projection import Lit
 from clpeel.stages.wires import Wanted, Wires
-from clpeel.techniques import AUTO, TECHNIQUES, AnyTechnique, AutoOptions, option_names, options_class
+from clpeel.techniques import AUTO, ERROR_BOUND, TECHNIQUES, AnyTechnique, AutoOptions, option_names, options_class
 from clpeel.techniques import technique as technique_named
 from clpeel.techniques.precision import Blending
 
@@ -88,6 +96,14 @@ class Request:
     def chosen(self, technique: AnyTechnique, options: Options) -> Request:
         """The same request with the technique that auto has chosen."""
         return replace(self, technique=technique, options=options)
+
+    @property
+    def of_layers(self) -> Request:
+        """The same request for all layers of each pixel's centre, which is what maps are taken from."""
+        sort = technique_named("sort")
+        changed: dict[str, Any] = {"samples": 1, "layers": True, "maps": (), "execution": "tiles"}
+        picture = replace(self.picture, **changed)
+        return replace(self, picture=picture, technique=sort, options=sort.options(), values=0)
 
     @property
     def is_auto(self) -> bool:
@@ -215,11 +231,33 @@ def checked_options(technique: str, given: Mapping[str, object]) -> tuple[Pictur
     picture = PictureOptions(**shared)
     if picture.layers and technique != AUTO:
         technique_named(technique).peeled(options)  # raises InputError if layers may be lost
+    check_maps(technique, picture, options)
     if picture.execution == "passes":
         check_passes(technique, options)
     elif getattr(options, "racing_writes", False):
         raise InputError("racing_writes: expected execution='passes' with it, got 'tiles', where no writes meet")
     return picture, options
+
+
+def maps_of(technique: str, bounded: bool) -> tuple[str, ...]:
+    """The names of the maps that a picture by the technique may have: its own, and those of all pictures.
+
+    bounded: whether it is given a max_error.
+    """
+    own = () if technique == AUTO else technique_named(technique).maps
+    bound = (ERROR_BOUND,) if technique == AUTO or bounded else ()
+    shared = [name for name in VIEW_MAPS if name not in own and not (own and name == "transmittance")]
+    return (*own, *bound, *shared)
+
+
+def check_maps(technique: str, picture: PictureOptions, options: Options) -> None:
+    """Raises InputError if the technique does not make one of the maps that are asked for."""
+    having = maps_of(technique, getattr(options, "max_error", None) is not None)
+    for name in picture.maps:
+        if name not in having:
+            raise InputError(f"maps: expected names that {technique!r} makes ({', '.join(having)}), got {name!r}")
+    if "transmittance" in picture.maps and not picture.keep_color:
+        raise InputError("maps: expected keep_color=True with transmittance, got False")
 
 
 def check_passes(technique: str, options: Options) -> None:

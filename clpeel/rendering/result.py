@@ -15,8 +15,13 @@ from numpy.typing import NDArray
 from clpeel.device.program import device_seconds
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
+from clpeel.files import checked_file, write_whole
+from clpeel.pictures.formats import MAPS, Chosen, chosen
 from clpeel.pictures.lengths import Lengths
-from clpeel.pictures.png import encode_png, save_png
+from clpeel.pictures.png import encode_png
+from clpeel.pictures.shown import Shown
+from clpeel.rendering.made import SOFTWARE
+from clpeel.rendering.options import VIEW_MAPS
 from clpeel.rendering.shown_errors import error_of
 from clpeel.stages.composite import Finished, Map, Picture
 from clpeel.stages.tiles import Drawn
@@ -26,7 +31,9 @@ from clpeel.techniques.technique import opaque_bytes
 if TYPE_CHECKING:
     from clpeel.pictures.colormaps import ColorMap
     from clpeel.pictures.layers import Layers
+    from clpeel.pictures.provenance import Provenance
     from clpeel.pictures.scale_bar import Box
+    from clpeel.rendering.made import Made
     from clpeel.rendering.request import Request
     from clpeel.scene.camera import Camera
     from clpeel.stages.projection import Triangles
@@ -171,6 +178,7 @@ class Result:
     _layers: Layers | None = None
     _rounding: float = 0.0
     _over: tuple[Box, ...] = ()
+    _made: Made | None = None
 
     if TYPE_CHECKING:
 
@@ -191,7 +199,7 @@ class Result:
 
     def __getattr__(self, name: str) -> Map:
         """The map of that name. Raises InputError if only other techniques make it."""
-        if any(name in technique.maps for technique in TECHNIQUES.values()):
+        if name in VIEW_MAPS or any(name in technique.maps for technique in TECHNIQUES.values()):
             return self.map(name)
         raise AttributeError(f"'Result' object has no attribute {name!r}")
 
@@ -225,6 +233,8 @@ class Result:
         """The map of that name, [height, width]. Raises InputError if the technique does not make it."""
         if name == ERROR_BOUND:
             return self.error_bound
+        if name in VIEW_MAPS and name not in self.maps:
+            raise InputError(f"{name}: expected a result rendered with maps=({name!r},), got one without it")
         if name not in self.maps:
             raise InputError(
                 f"{name}: expected a result of a technique that makes this map ({', '.join(with_map(name))}), "
@@ -290,12 +300,54 @@ class Result:
         """The result with one more note."""
         return replace(self, stats=replace(self.stats, notes=[*self.stats.notes, note]))
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the image as a PNG, whole or not at all. If path is a link, the file it points to is written.
+    @property
+    def provenance(self) -> dict[str, str]:
+        """How the picture was made: software, options, camera, technique, the scene's SHA-256 and the device."""
+        if self._made is None:
+            return {"software": SOFTWARE}
+        return self._made.words(self.stats.technique, self.stats.device)
 
-        Raises InputError when the place cannot be written, or when the name has an ending other than .png.
+    def save(self, path: str | os.PathLike[str], bits: int | None = None, provenance: bool = True) -> None:
+        """Writes the picture, whole or not at all. If path is a link, the file it points to is written.
+
+        The name's suffix says how: .png, .jpg, .webp (lossless), .tif, .exr (linear light, premultiplied, with the
+        result's maps) or .npz (image, color and maps); none stands for .png. docs/outputs.md has the details.
+        bits: of a channel, 16 for .png and .tif, 32 for .tif and .exr; None for the least. provenance: whether the file
+        says how the picture was made (`provenance`). Raises InputError if the place cannot be written, or if the format
+        is unknown, cannot hold the picture, or needs a package that is missing.
         """
-        save_png(path, self.image)
+        found = chosen(path, bits)
+        checked_file(path)  # before any work
+        write_whole(path, self.encoded(found, self.provenance if provenance else None))
+
+    def encoded(self, found: Chosen, provenance: Provenance | None) -> bytes:
+        """The picture as the bytes of a file of that format. provenance: what the file says, or None for nothing."""
+        from clpeel.pictures.encode import encode
+
+        return encode(self._shown(), found, provenance)
+
+    def _shown(self) -> Shown:
+        """The picture and what is needed to compute it in more than 8 bits."""
+        maps = {name: self.map(name) for name in self.maps}
+        if self._made is None:
+            return Shown(self.image, self._color, maps=maps)
+        request = self._made.request
+        return Shown(self.image, self._color, request.picture.over, request.linear, maps)
+
+    def save_map(self, name: str, path: str | os.PathLike[str], provenance: bool = True) -> str | None:
+        """Writes a map, such as "depth", whole or not at all, and returns a line on what its numbers stand for, if any.
+
+        The file's suffix says how: .npy, .npz, .exr, .tif, or .png, whose 16 bits hold numbers in steps that the line
+        tells. Raises InputError as `save` does, and if the result has no such map.
+        """
+        from clpeel.pictures.map_files import encode_map
+
+        found = chosen(path, among=MAPS)
+        checked_file(path)
+        words = {**self.provenance, "map": name} if provenance else None
+        data, note = encode_map(name, self.map(name), found, words)
+        write_whole(path, data)
+        return note
 
     def __repr__(self) -> str:
         """Return what matters of the picture on one line: its size, its technique, what it shows, and its time."""

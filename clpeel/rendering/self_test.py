@@ -88,6 +88,7 @@ NOT_IN_TESTS = (
     "backface_type",
     "light_intensity",
     "lighting",
+    "maps",
     *MARKS,
     *EDGES,
 )

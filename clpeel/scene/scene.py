@@ -30,6 +30,7 @@ from clpeel.scene.arrays import (
     checked_vertices,
     counted_alphas,
 )
+from clpeel.scene.digest import digest
 from clpeel.scene.lights import Lamp, checked_lights
 from clpeel.scene.materials import NO_MATERIAL, Material, Surfaces, checked_materials, recolored_material
 from clpeel.scene.textures import linear
@@ -336,6 +337,11 @@ class Scene:
         """The colour maps that colours of faces come from, each once."""
         maps = dict.fromkeys(material.color_map for material in self.materials)
         return tuple(each for each in maps if each is not None)
+
+    @cached_property
+    def digest(self) -> str:
+        """The SHA-256 of all that is drawn of the scene, in hexadecimal digits (digest.py)."""
+        return digest(self)
 
     @property
     def colors(self) -> Colors:

@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 from clpeel.checks import GivenBackground, checked_background
 from clpeel.device.layout import ALL_LAYERS, PointType
 from clpeel.errors import InputError
+from clpeel.files import write_whole
 from clpeel.pictures.background import levels_of
 from clpeel.pictures.colormap import colors_at
-from clpeel.pictures.png import save_png
+from clpeel.pictures.encode import encode
+from clpeel.pictures.formats import EIGHT_BITS, chosen
 from clpeel.pictures.scale_bar import draw_scale_bar
+from clpeel.pictures.shown import Shown
 from clpeel.rendering.estimates import estimated_seconds
 from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
 from clpeel.rendering.renderer import Renderer
@@ -185,8 +188,12 @@ class Complexity:
         return image
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the heat map over white as a PNG, whole or not at all. Raises InputError if it cannot be written."""
-        save_png(path, self.image())
+        """Write the heat map over white as .png, .jpg, .webp or .tif, whole or not at all.
+
+        Raises InputError if it cannot be written.
+        """
+        found = chosen(path, among=EIGHT_BITS)
+        write_whole(path, encode(Shown(self.image(), None), found))
 
 
 def complexity(

@@ -29,7 +29,10 @@ from clpeel.command import parser as command_line
 from clpeel.command.inputs import make_camera
 from clpeel.command.terminal import Progress
 from clpeel.errors import InputError, NoDeviceError
+from clpeel.files import write_whole
 from clpeel.options import options_of
+from clpeel.pictures.encode import encode
+from clpeel.pictures.shown import Shown
 from clpeel.rendering.options import BACKGROUND, PictureOptions
 from clpeel.techniques import TECHNIQUES
 
@@ -102,7 +105,14 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
             notes=[],
         )
         numbers = np.zeros((height, width), np.float32)
-        return SimpleNamespace(image=image, stats=stats, map=lambda name: numbers, layers=record.layers)
+        return SimpleNamespace(
+            image=image,
+            stats=stats,
+            map=lambda name: numbers,
+            layers=record.layers,
+            provenance={},
+            encoded=lambda found, provenance: encode(Shown(image, None), found, provenance),
+        )
 
     monkeypatch.setattr(clpeel, "render", render)
     return record
@@ -274,7 +284,7 @@ def test_any_vector_passes_unharmed(vector: tuple[float, float, float]) -> None:
         (["a.ply", "--samples=1", "--samples=4"], "--samples: expected once, got two that differ"),
         (["a.ply", "-o", "x.png", "--output=y.png"], "--output: expected once, got two that differ"),
         (["a.ply", "--color", "stealblue"], "did you mean steelblue?"),
-        (["a.ply", "-o", "x.jpg"], "ending in .png"),
+        (["a.ply", "-o", "x.gif"], "ending in .png, .jpg, .jpeg, .webp, .tif, .tiff, .exr or .npz, got 'x.gif'"),
         (["a.ply", "-o", ""], "expected a file name"),
         (["a.ply", "-o", "/no/such/folder/x.png"], "does not exist"),
         (["a.ply", "-o", "x" * 300 + ".png"], "cannot write"),
@@ -693,10 +703,8 @@ def test_without_streams_main_works_in_python(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_terminated_it_leaves_nothing_behind(tmp_path: Path, mesh: Path, fake: Any, capfd: Any) -> None:
-    from clpeel.pictures.png import save_png
-
     def layers(*_: Any) -> None:
-        save_png(next(tmp_path.glob(".clpeel-*.part")) / "layer-01.png", np.zeros((1, 1, 4), np.uint8))
+        write_whole(next(tmp_path.glob(".clpeel-*.part")) / "layer-01.png", b"1")
         os.kill(os.getpid(), signal.SIGTERM)
 
     fake.layers = SimpleNamespace(count=1, picture=layers)
@@ -797,8 +805,8 @@ def test_a_picture_by_passes_is_the_one_by_tiles(tmp_path: Path, squares: Path, 
         by_passes = ["--execution=passes"] if name == "race" else []
         assert cli.main([*call, *extra, *by_passes, "-o", str(path), f"--stats={stats}"]) == 0, name
         assert json.loads(stats.read_text())["execution"] == ("tiles" if name == "tiles" else "passes")
-        pictures.append(path.read_bytes())
-    assert pictures[0] == pictures[1] == pictures[2]
+        pictures.append(pixels(path))
+    assert (pictures[0] == pictures[1]).all() and (pictures[0] == pictures[2]).all()
     assert json.loads((tmp_path / "race.json").read_text())["inner_passes"] == [2, 1]
     assert cli.main(["render", str(squares), "-o", str(tmp_path / "no.png"), "--execution", "passes"]) == 2
     assert "execution: expected 'tiles' for the technique 'sort', got 'passes'" in capfd.readouterr().err
@@ -834,7 +842,7 @@ def test_all_options_of_pictures_have_a_flag() -> None:
     render = command_line.make_parser().commands["render"]
     flags = {flag for action in render.options() for flag in action.option_strings}
     elsewhere = {"size": "--resolution", "background": "--background-color", "lighting": "--lighting"}
-    not_here = {"keep_color", "layers"}  # the command writes files: one of them for colours, and `clpeel layers`
+    not_here = {"keep_color", "layers", "maps"}  # the command writes files: these are --map, and `clpeel layers`
     for each in options_of(PictureOptions):
         assert each.name in not_here or elsewhere.get(each.name, each.flag) in flags, each.name
 
@@ -985,7 +993,10 @@ def test_thickness_on_the_command_line(mesh: Path, tmp_path: Path, capfd: Any) -
     ("options", "message"),
     [
         (["--map=x.npy"], "--map: expected a technique that makes a map (thickness, translucency"),
-        (["--technique=thickness", "--map=x.png"], "--map: expected a name ending in .npy, got 'x.png'"),
+        (
+            ["--technique=thickness", "--map=x.jpg"],
+            "--map: expected a name ending in .npy, .npz, .exr, .tif, .tiff or .png",
+        ),
         (["--technique=thickness", "--map=no/such/x.npy"], "--map: the folder"),
         (["--technique=thickness", "--variant=all"], "variant: expected one of exact, total, first-solid; got 'all'"),
         (["--technique=thickness", "--thickness-range=2,1"], "--thickness-range: expected LOW,HIGH"),

@@ -416,7 +416,7 @@ def test_a_file_gives_the_same_layers(layers: clpeel.Layers, tmp_path: Path) -> 
     same(clpeel.load_layers(str(tmp_path / "a.npz")), layers)
     with pytest.raises(clpeel.InputError, match=r"output: the folder .*missing' does not exist"):
         layers.save(tmp_path / "missing" / "a.npz")
-    with pytest.raises(clpeel.InputError, match=r"output: only NPZ is written; expected a name ending in .npz, got"):
+    with pytest.raises(clpeel.InputError, match=r"output: expected a name ending in .npz or .exr, got"):
         layers.save(tmp_path / "a.png")
     (tmp_path / "link.npz").symlink_to("a.npz")
     layers.save(tmp_path / "link.npz")

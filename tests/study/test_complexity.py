@@ -367,7 +367,10 @@ def test_a_picture_on_standard_output(ring: Path, capfdbinary: pytest.CaptureFix
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        (["-o", "heat.jpg"], "--output: only PNG is written"),
+        (
+            ["-o", "heat.gif"],
+            "--output: expected a name ending in .png, .jpg, .jpeg, .webp, .tif or .tiff, got 'heat.gif'",
+        ),
         (["-o", "no/heat.png"], "--output: the folder "),
         (["--json", "no/heat.json"], "--json: the folder "),
         (["--json", "-"], "--json: expected a file of its own"),
