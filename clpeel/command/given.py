@@ -25,7 +25,7 @@ def complete(options: argparse.Namespace, words: Words, parser: Parser) -> argpa
     pieces: the meshes, each with the options of its own. files: their paths. named: the files of the command line.
     inputs: all files that are read.
     each, each_texts: values and texts of the options that files may have of their own, as the command line gives them:
-    one for all files or one for each. words: flags and texts of the command line. line: the command line as it was given,
+    one for all files or one for each. words: flags and texts of the command line. line: the command line in its order,
     with the file of settings. lights: those of a scene file.
     origins: where values come from that are not of the command line, by name. notes: what is left out.
     Raises InputError.

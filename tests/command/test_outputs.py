@@ -39,7 +39,7 @@ def test_a_picture_of_each_format(name: str, capfd: Any) -> None:
     out, err = capfd.readouterr()
     lines = dict(line.split(None, 1) for line in out.splitlines())
     assert list(lines) == ["software", "command", "technique", "scene", "device"] and err == ""
-    assert lines["command"] == "clpeel render --opacity=0.5 --resolution=40,30 squares.off"
+    assert lines["command"] == "clpeel render squares.off --opacity=0.5 --resolution=40,30"
     assert render("-o", name, "--no-provenance") == 0
     assert cli.main(["report", name]) == 2
     out, err = capfd.readouterr()

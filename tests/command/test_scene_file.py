@@ -332,9 +332,18 @@ def test_any_name_is_written_as_it_is(name: str) -> None:
 
 @pytest.mark.usefixtures("shared_devices")
 def test_it_is_written_with_the_picture_and_draws_the_same(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    given = ["render", "--opacity=0.3", "../a.off", "--opacity=1", "../b.off", "--resolution=20,16", "--quiet"]
+    given = [
+        "render",
+        "--opacity=0.3",
+        "../a.off",
+        "--opacity=1",
+        "../b.off",
+        "--resolution=20,16",
+        "--quiet",
+        "--no-provenance",
+    ]
     assert main([*given, "-o", "x.png", "--write-scene", "../scenes/s.toml"]) == 0
-    assert main(["render", "../scenes/s.toml", "-o", "y.png"]) == 0
+    assert main(["render", "../scenes/s.toml", "--no-provenance", "-o", "y.png"]) == 0
     assert Path("x.png").read_bytes() == Path("y.png").read_bytes()
     printed(capfd)
     for words, error in (

@@ -155,6 +155,12 @@ TOOLS = (
         "clpeel compare dragon.ply.gz --opacity 0.4 --html page.html; a browser showed the page",
         "by hand",
     ),
+    Entry(
+        "outputs",
+        ("outputs/maps.png",),
+        "clpeel demo --map depth=depth.png --map normal=normal.png --map ...; an image editor put them side by side",
+        "by hand",
+    ),
     Entry("view", ("view/*.png",), "clpeel view FILE, in a browser, a window and a notebook", "by hand"),
     Entry("house", ("house/way.svg",), "drawn in a text editor", "by hand"),
 )
