@@ -15,6 +15,7 @@ import numpy as np
 
 from clpeel.errors import InputError
 from clpeel.reading.companions import Companions, named
+from clpeel.reading.corners import Places
 from clpeel.reading.losses import listed
 from clpeel.reading.marks import chains, marks, together
 from clpeel.reading.paints import Pictures, painted, with_opacities
@@ -76,16 +77,30 @@ def from_fbx(path: str, companions: Companions) -> Scene:
     return replace(scene, notes=tuple(dict.fromkeys((*notes, *paints.notes()))))
 
 
-def _each(elements: Any) -> Iterator[Any]:
-    """Yield what a list of ufbx holds.
+def _held(thing: Any) -> Any:
+    """Return an object of ufbx with one more reference.
 
-    ufbx 0.0.5 gives away a reference with each item that it does not own, so that Python would free items that are in
-    use. Here each gets one more. If a later ufbx needs none, an item stays until the process ends.
+    ufbx 0.0.5 gives back one that it does not own, of each item of a list and of each list whose numbers are read, so
+    that Python would free what is in use. If a later ufbx does not, the object stays until the process ends.
     """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+    return thing
+
+
+def _each(elements: Any) -> Iterator[Any]:
+    """Yield what a list of ufbx holds."""
     for place in range(len(elements)):
-        element = elements[place]
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(element))
-        yield element
+        yield _held(elements[place])
+
+
+def _numbers(elements: Any, width: int) -> AnyArray:
+    """Return the numbers that a list of ufbx holds, in rows, [n, width]."""
+    return np.array(_held(elements)).reshape(-1, width) if len(elements) else np.zeros((0, width))
+
+
+def _indices(elements: Any) -> Places:
+    """Return the integers that a list of ufbx holds, int64 [n]."""
+    return _numbers(elements, 1)[:, 0].astype(np.int64)
 
 
 def _matrix(matrix: Any) -> Reals:
@@ -106,15 +121,15 @@ def _mesh(node: Any, paints: _Paints, notes: list[str]) -> Scene | None:
     position = mesh.skinned_position if skinned else mesh.vertex_position
     if not mesh.num_faces or not position.exists:
         return None
-    counts = np.asarray(mesh.faces).reshape(-1, 2)[:, 1].astype(np.int64)
+    counts = _numbers(mesh.faces, 2)[:, 1].astype(np.int64)
     short = int((counts < 3).sum())
     if short:
         notes.append(f"{short:,} face(s) of fewer than 3 corners left out")
-    points = moved(np.asarray(position.values, np.float64).reshape(-1, 3), matrix)
-    polygons = Polygons(points, counts, np.asarray(position.indices, np.int64))
+    points = moved(_numbers(position.values, 3), matrix)
+    polygons = Polygons(points, counts, _indices(position.indices))
     materials, of_faces = paints.of(node, len(counts))
     varying = _varying(mesh, skinned, matrix, materials)
-    holes = np.asarray(mesh.face_hole, bool)
+    holes = _indices(mesh.face_hole) > 0
     given, polygon = polygons.fields(varying, ~holes if len(holes) == len(counts) else None)
     if not len(polygon):
         return None
@@ -134,13 +149,13 @@ def _varying(mesh: Any, skinned: bool, matrix: Reals, materials: Sequence[Materi
     found: dict[str, Varying] = {}
     normal = mesh.skinned_normal if skinned and mesh.skinned_normal.exists else mesh.vertex_normal
     if normal.exists and not mesh.generated_normals:
-        turns = turned(np.asarray(normal.values, np.float64).reshape(-1, 3), cofactors(matrix)[0])
+        turns = turned(_numbers(normal.values, 3), cofactors(matrix)[0])
         found["vertex_normals"] = _kept(turns, normal.indices)
     if mesh.vertex_uv.exists and any(material.texture is not None for material in materials):
-        uv = np.asarray(mesh.vertex_uv.values, np.float64).reshape(-1, 2)
+        uv = _numbers(mesh.vertex_uv.values, 2)
         found["uv"] = _kept(uv * [1, -1] + [0, 1], mesh.vertex_uv.indices)
     if mesh.vertex_color.exists:
-        colors = np.clip(np.nan_to_num(np.asarray(mesh.vertex_color.values, np.float64).reshape(-1, 4)), 0, 1)
+        colors = np.clip(np.nan_to_num(_numbers(mesh.vertex_color.values, 4)), 0, 1)
         if materials:
             colors[:, :3] = linear(colors[:, :3])
         found["vertex_colors"] = _kept(colors, mesh.vertex_color.indices)
@@ -150,7 +165,7 @@ def _varying(mesh: Any, skinned: bool, matrix: Reals, materials: Sequence[Materi
 def _kept(values: AnyArray, indices: Any) -> Varying:
     """Return values of corners by their indices, where values that are equal count as one."""
     once = Varying.of_corners(values)
-    return Varying(once.values, once.index[np.asarray(indices, np.int64)])
+    return Varying(once.values, once.index[_indices(indices)])
 
 
 def _curve(node: Any) -> Any:
@@ -160,12 +175,12 @@ def _curve(node: Any) -> Any:
 
 def _curves(node: Any, curve: Any) -> Scene | None:
     """Return the polylines of a node in their colour, or None without any."""
-    segments = np.asarray(curve.segments, np.int64).reshape(-1, 2)
-    indices = np.asarray(curve.point_indices, np.int64)
+    segments = _numbers(curve.segments, 2).astype(np.int64)
+    indices = _indices(curve.point_indices)
     parts = [indices[begin : begin + count] for begin, count in segments]
     if not parts:
         return None
-    points = moved(np.asarray(curve.control_points, np.float64).reshape(-1, 3), _matrix(node.geometry_to_world))
+    points = moved(_numbers(curve.control_points, 3), _matrix(node.geometry_to_world))
     ends = np.concatenate(parts)[chains(np.array([len(part) for part in parts], np.int64))]
     return marks(points, ends, color=np.clip(np.asarray([*curve.color, 1.0], np.float64), 0, 1))
 
@@ -187,7 +202,7 @@ class _Paints:
     def of(self, node: Any, count: int) -> tuple[list[Material], AnyArray]:
         """Return the materials of a node's mesh, and the place of each of its `count` faces' among them."""
         own = [*_each(node.materials)] or [*_each(node.mesh.materials)]
-        places = np.asarray(node.mesh.face_material, np.int64)
+        places = _indices(node.mesh.face_material)
         if not own or len(places) != count:
             places = np.zeros(count, np.int64)
         made = [self._of(material) for material in own]
