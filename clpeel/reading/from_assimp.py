@@ -12,14 +12,14 @@ import numpy as np
 from clpeel.errors import InputError
 from clpeel.reading.companions import Companions, named
 from clpeel.reading.losses import listed
-from clpeel.reading.marks import marks, together
+from clpeel.reading.marks import together
 from clpeel.reading.paints import Pictures, painted, with_opacities
 from clpeel.reading.transforms import Reals, cofactors, moved, product, turned
 from clpeel.reading.words import one_line
 from clpeel.scene.arrays import AnyArray
 from clpeel.scene.materials import Material
 from clpeel.scene.scene import Scene
-from clpeel.scene.textures import Texture, linear, srgb
+from clpeel.scene.textures import Texture, linear
 
 _DIFFUSE, _OPACITY, _BASE_COLOR = 1, 8, 12
 """Numbers of Assimp's kinds of textures, aiTextureType."""
@@ -31,7 +31,8 @@ _MOST_NODES = 1 << 16
 def from_assimp(path: str, companions: Companions) -> Scene:
     """Return the scene of a file that Assimp reads, as its nodes stand at rest. Assimp turns them so that Y is up.
 
-    Polygons are triangles. Colours are display-referred. companions: the files beside it, for textures.
+    Polygons are triangles, as assimp_py gives no others, and no lines and points. Colours are display-referred.
+    companions: the files beside it, for textures.
     Raises InputError if there is nothing to draw, or Assimp says that the file is damaged.
     """
     import assimp_py
@@ -40,8 +41,14 @@ def from_assimp(path: str, companions: Companions) -> Scene:
     try:
         file = assimp_py.import_file(path, steps)
     except RuntimeError as error:
-        told = one_line(error).removeprefix("RuntimeError: ").rpartition(f"'{path}': ")[2]
+        told = one_line(RuntimeError(str(error).rpartition(f"'{path}': ")[2])).removeprefix("RuntimeError: ")
         raise InputError(f"not a readable mesh: the file is damaged (Assimp: {told})") from None
+    except ValueError as error:
+        if "triangulated" not in str(error):
+            raise
+        raise InputError(
+            "expected triangles alone, got lines or points too, which assimp_py does not pass on"
+        ) from None
     paints, others = _Paints(file.materials, Pictures(companions)), Counter[str]()
     scenes = list[Scene | None]()
     smoothed = path.lower().endswith((".3ds", ".ase"))
@@ -49,7 +56,7 @@ def from_assimp(path: str, companions: Companions) -> Scene:
         scenes.append(_mesh(file.meshes[place], matrix, paints, others, smoothed))
     scene = together(scenes)
     if scene is None:
-        raise InputError("expected triangles, lines or points, got none; the mesh is empty")
+        raise InputError("expected triangles, got none; the mesh is empty")
     notes = [f"{count} {words}" for words, count in others.items()]
     return replace(scene, notes=tuple(dict.fromkeys((*scene.notes, *notes, *paints.notes()))))
 
@@ -74,24 +81,19 @@ def _rows(view: Any, width: int) -> AnyArray:
 
 
 def _mesh(mesh: Any, matrix: Reals, paints: _Paints, others: Counter[str], smoothed: bool) -> Scene | None:
-    """Return the triangles, lines or points of a mesh in their place, or None without any. Raises InputError.
+    """Return the triangles of a mesh in their place, or None without any. Raises InputError.
 
     smoothed: whether its normals are Assimp's, of smoothing groups. They are not kept: where a file has faces with both
     fronts, these cancel each other out.
     """
     points = moved(_rows(mesh.vertices, 3).astype(np.float64), matrix)
-    width = mesh.num_indices // max(mesh.num_faces, 1)
-    if not mesh.num_faces or width not in (1, 2, 3) or mesh.num_indices != width * mesh.num_faces:
+    if not mesh.num_faces:
         return None
-    faces = _rows(mesh.indices, width).astype(np.int64)
+    faces = _rows(mesh.indices, 3).astype(np.int64)
     colors = None
     if mesh.colors and mesh.colors[0] is not None:
         colors = np.clip(np.nan_to_num(_rows(mesh.colors[0], 4).astype(np.float64)), 0, 1)
     material = paints.of(mesh.material_index)
-    if width < 3:
-        plain = None if material is None or colors is not None else _shown(material)
-        lines, dots = (faces, None) if width == 2 else (None, faces[:, 0])
-        return marks(points, lines, dots, vertex_colors=colors, color=plain)
     given: dict[str, Any] = {}
     if mesh.normals and not smoothed:
         given["vertex_normals"] = turned(_rows(mesh.normals, 3).astype(np.float64), cofactors(matrix)[0])
@@ -107,11 +109,6 @@ def _mesh(mesh: Any, matrix: Reals, paints: _Paints, others: Counter[str], smoot
                 others["mesh(es) lack texture coordinates, and have one colour of their texture"] += 1
                 given["uv"] = np.zeros((len(points), 2))
     return Scene.from_arrays(points, faces, **given)
-
-
-def _shown(material: Material) -> AnyArray:
-    """Return the colour of lines or points with a material, display-referred, [4]."""
-    return np.array([*srgb(material.base_color[:3]), material.base_color[3]])
 
 
 def _coordinates(mesh: Any, count: int) -> AnyArray | None:
@@ -155,10 +152,10 @@ class _Paints:
         images = [None if file is None else self._image(file) for file in (color, None if mask == color else mask)]
         rgba = images[0] if images[1] is None else with_opacities(images[0], images[1])
         texture = None if rgba is None else Texture(rgba)
-        rgb = list(says.get("COLOR_DIFFUSE", (1.0, 1.0, 1.0)))[:3]
+        *rgb, alpha = [*says.get("COLOR_DIFFUSE", (1.0, 1.0, 1.0)), 1.0][:4]
         if texture is not None and not any(rgb):
             rgb = [1.0, 1.0, 1.0]
-        return painted(name, rgb, float(says.get("OPACITY", 1.0)), texture)
+        return painted(name, rgb, float(says.get("OPACITY", alpha)), texture)
 
     def _image(self, file: str) -> AnyArray | None:
         """Return the texels of an image, or None, after a note, if it cannot be read or Assimp keeps it to itself."""
