@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from clpeel.errors import InputError
-from clpeel.reading.companions import Companions
+from clpeel.reading.companions import Companions, named
 from clpeel.reading.gltf_pose import placed
 from clpeel.reading.marks import together
 from clpeel.reading.transforms import Reals, product
@@ -37,12 +39,13 @@ def from_usd(path: str, companions: Companions) -> Scene:
     allows to leave some out. Colours are linear, as USD has them. companions: the files that textures may lie among.
     Raises InputError if the stage cannot be opened or shows nothing, and if arrays of a mesh do not fit together.
     """
-    from pxr import Tf, Usd, UsdGeom
+    from pxr import Sdf, Tf, Usd, UsdGeom
 
     try:
+        _check_layers(Sdf.Layer.FindOrOpen(path))
         stage = Usd.Stage.Open(path)
     except Tf.ErrorException as error:
-        told = [line.strip() for line in str(error).splitlines() if line.strip()]
+        told = getattr(error.args[0], "commentary", error) if error.args else error
         raise InputError(f"not a readable mesh: the file is damaged (USD: {_reason(told, path)})") from None
     began = stage.HasAuthoredTimeCodeRange()
     moment = Usd.TimeCode(stage.GetStartTimeCode()) if began else Usd.TimeCode.EarliestTime()
@@ -50,16 +53,33 @@ def from_usd(path: str, companions: Companions) -> Scene:
     up = _UPRIGHT if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
     walk.draw(stage.GetPseudoRoot(), None, up[None])
     scene = together(walk.scenes)
-    notes = [*(f"USD reports: {_reason([str(each)], path)}" for each in stage.GetCompositionErrors()), *walk.notes()]
+    notes = [*(f"USD reports: {_reason(each, path)}" for each in stage.GetCompositionErrors()), *walk.notes()]
     if scene is None:
         raise InputError(f"expected meshes, got {'; '.join(notes)[:300] or 'none'}; the stage is empty")
     return replace(scene, notes=tuple(dict.fromkeys((*scene.notes, *notes))))
 
 
-def _reason(told: list[str], path: str) -> str:
-    """Return what USD says of an error on a short line."""
-    text = one_line(ValueError(" ".join(told[-1:]).replace(path, "the file"))).removeprefix("ValueError: ")
-    return text.partition("': ")[2] or text if text.startswith("Error in '") else text
+def _check_layers(root: Any) -> None:
+    """Raise InputError if a layer, or one that it refers to, is no regular file. To open a pipe could block forever."""
+    from pxr import Sdf, Tf
+
+    left, seen = [root], set[str]()
+    while left:
+        layer = left.pop()
+        for name in [] if layer is None else layer.GetCompositionAssetDependencies():
+            path = layer.ComputeAbsolutePath(name)
+            if path in seen or not os.path.exists(path):
+                continue
+            seen.add(path)
+            if not os.path.isfile(path):
+                raise InputError(f"expected references to regular files, got {named(name)}")
+            with contextlib.suppress(Tf.ErrorException):  # the stage reports it, too
+                left.append(Sdf.Layer.FindOrOpen(path))
+
+
+def _reason(told: object, path: str) -> str:
+    """Return what USD says of an error, on a short line without the file's own path."""
+    return one_line(ValueError(str(told).replace(path, "the file"))).removeprefix("ValueError: ")
 
 
 class _Walk:
@@ -72,6 +92,7 @@ class _Walk:
         self._places = UsdGeom.XformCache(moment)
         self._others, self._hidden = Counter[str](), Counter[str]()
         self._drawn = 0
+        self._inside: list[Any] = []
         self.scenes: list[Scene] = []
 
     def notes(self) -> list[str]:
@@ -133,24 +154,28 @@ class _Walk:
         kinds = np.asarray(instancer.GetProtoIndicesAttr().Get(self._moment) or (), np.int64)
         places = instancer.ComputeInstanceTransformsAtTime(self._moment, self._moment)
         mask = instancer.ComputeMaskAtTime(self._moment)
-        if len(places) != sum(mask or [True] * len(kinds)) or (len(kinds) and kinds.max() >= len(prototypes)):
+        unknown = ((kinds < 0) | (kinds >= len(prototypes))).any()
+        if len(places) != sum(mask or [True] * len(kinds)) or unknown:
             raise InputError(f"{instancer.GetPath()}: its instances do not fit together; the file is damaged")
+        if instancer.GetPath() in self._inside:
+            raise InputError(f"{instancer.GetPath()}: it draws itself; the file is damaged")
+        self._inside.append(instancer.GetPath())
         kinds = kinds[np.asarray(mask, bool)] if mask else kinds
         columns = np.array([_column(place) for place in places]).reshape(-1, 4, 4)
         for number, prototype in enumerate(prototypes):
             own = columns[kinds == number]
             if len(own) and prototype:
-                copies = product(matrix[:, None], own[None]).reshape(-1, 4, 4)
-                self.draw(prototype, prototype, copies)
+                _check_number(len(matrix) * len(own))
+                self.draw(prototype, prototype, product(matrix[:, None], own[None]).reshape(-1, 4, 4))
+        self._inside.pop()
 
     def _place(self, scene: Scene | None, matrix: Reals) -> None:
         """Add copies of a scene where they stand. Raises InputError if there are too many."""
         if scene is None:
             return
         self._drawn += len(matrix) * len(scene.vertices)
-        if self._drawn > _MOST_COPIES:
-            raise InputError(f"expected at most {_MOST_COPIES:,} vertices with all instances, got more")
-        self.scenes += [_moved(scene, each) for each in matrix]
+        _check_number(self._drawn)
+        self.scenes.append(_copied(scene, matrix))
 
 
 def _column(matrix: Any) -> Reals:
@@ -158,8 +183,36 @@ def _column(matrix: Any) -> Reals:
     return np.array(matrix, np.float64).T
 
 
-def _moved(scene: Scene, matrix: Reals) -> Scene:
-    """Return a scene in its place. Where that mirrors, fronts stay fronts."""
-    vertices, normals, faces = placed(scene.vertices, scene.vertex_normals, scene.faces, matrix[None, None])
-    shading = None if normals is None else normals.astype(np.float32)
-    return replace(scene, vertices=vertices, faces=faces.astype(np.int32), vertex_normals=shading)
+def _check_number(vertices: int) -> None:
+    """Raise InputError if instances draw too many vertices."""
+    if vertices > _MOST_COPIES:
+        raise InputError(f"expected at most {_MOST_COPIES:,} vertices with all instances, got {vertices:,} or more")
+
+
+def _copied(scene: Scene, matrix: Reals) -> Scene:
+    """Return copies of a scene in their places, [k, 4, 4]. Where one mirrors, fronts stay fronts."""
+    count, size = len(matrix), len(scene.vertices)
+    vertices, normals, faces = placed(scene.vertices, scene.vertex_normals, scene.faces, matrix[:, None])
+    polygons = 0 if scene.polygons is None else 1 + int(scene.polygons.max(initial=0))
+    return replace(
+        scene,
+        vertices=vertices,
+        faces=faces.astype(np.int32),
+        vertex_normals=None if normals is None else normals.astype(np.float32),
+        vertex_colors=_again(scene.vertex_colors, count),
+        face_colors=_again(scene.face_colors, count),
+        uv=_again(scene.uv, count),
+        more_uv=tuple(np.tile(uv, (count, 1)) for uv in scene.more_uv),
+        face_materials=_again(scene.face_materials, count),
+        polygons=_again(scene.polygons, count, polygons),
+        lines=_again(scene.lines, count, size),
+        points=_again(scene.points, count, size),
+    )
+
+
+def _again(values: Any, count: int, step: int = 0) -> Any:
+    """Return an array, or None, so many times, one after another. step: what each time adds to the values."""
+    if values is None:
+        return None
+    steps = np.arange(count, dtype=values.dtype).reshape(-1, *[1] * values.ndim) * values.dtype.type(step)
+    return (values + steps).reshape(-1, *values.shape[1:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -398,6 +399,40 @@ def test_damaged_files_are_one_line(stage: Usd.Stage, tmp_path: Path, capfd: Any
         out, err = capfd.readouterr()
         assert out == "" and err.startswith(f"clpeel: error: {tmp_path / name}: "), err
         assert err.count("\n") == 1 and len(err) < 400 + len(str(tmp_path))
+
+
+def test_references_to_pipes_do_not_block(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.usda")
+    for name, other in (("c", "between"), ("between", "pipe")):
+        text = f'#usda 1.0\ndef "a" (references = @./{other}.usda@) {{\n}}\ndef Sphere "s" {{\n}}\n'
+        (tmp_path / f"{name}.usda").write_text(text)
+    with pytest.raises(clpeel.InputError, match=r"expected references to regular files, got './pipe\.usda'"):
+        clpeel.load(tmp_path / "c.usda")
+
+
+def test_an_instancer_that_draws_itself_is_damage(stage: Usd.Stage) -> None:
+    made = UsdGeom.PointInstancer.Define(stage, "/many")
+    made.CreatePrototypesRel().SetTargets(["/many"])
+    made.CreateProtoIndicesAttr([0, 0])
+    made.CreatePositionsAttr([(1, 0, 0), (2, 0, 0)])
+    with pytest.raises(clpeel.InputError, match="/many: it draws itself"):
+        load(stage)
+
+
+def test_copies_keep_their_polygons_and_colours_apart(stage: Usd.Stage) -> None:
+    made = UsdGeom.PointInstancer.Define(stage, "/many")
+    mesh(stage, "/many/quad").CreateDisplayColorPrimvar("uniform").Set([(1, 0, 0), (0, 0, 1)])
+    made.CreatePrototypesRel().SetTargets(["/many/quad"])
+    made.CreateProtoIndicesAttr([0, 0])
+    made.CreatePositionsAttr([(0, 0, 0), (9, 0, 0)])
+    made.CreateScalesAttr([(1, 1, 1), (-1, 1, 1)])
+    scene = load(stage)
+    assert scene.polygons is not None and scene.polygons.tolist() == [0, 0, 1, 2, 2, 3]
+    assert scene.vertex_colors is not None
+    first = [[1, 0, 0, 1]] * 6 + [[0, 0, 1, 1]] * 3
+    assert scene.vertex_colors[scene.faces].reshape(-1, 4).tolist() == first * 2
+    mirrored = (TRIANGLES * [-1, 1, 1] + [9, 0, 0])[:, [0, 2, 1]]
+    np.testing.assert_allclose(corners(scene), np.concatenate([TRIANGLES, mirrored]), atol=1e-6)
 
 
 def test_an_empty_stage_says_so(stage: Usd.Stage) -> None:
