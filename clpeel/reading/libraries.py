@@ -18,6 +18,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from clpeel.errors import InputError
+from clpeel.reading.apart import read_apart
 from clpeel.reading.companions import Companions
 from clpeel.scene.arrays import DEFAULT_COLOR
 from clpeel.scene.scene import Scene
@@ -75,11 +76,56 @@ _MESHIO = {
 _CAD = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges"}
 """Files of computer-aided design, and how cascadio calls them."""
 
+_USD = ("usd", "usda", "usdc", "usdz")
+
+_ASSIMP = (
+    "3ds",
+    "ac",
+    "ase",
+    "b3d",
+    "cob",
+    "csm",
+    "hmp",
+    "irrmesh",
+    "irr",
+    "lwo",
+    "lws",
+    "md2",
+    "md3",
+    "md5mesh",
+    "mdc",
+    "ms3d",
+    "ndo",
+    "nff",
+    "ogex",
+    "q3d",
+    "q3o",
+    "q3s",
+    "smd",
+    "ter",
+    "vta",
+    "x",
+    "x3d",
+    "xgl",
+    "zgl",
+)
+"""Files of meshes that Assimp reads, and no other reader here."""
+
+_APART = {
+    "fbx": ("from_fbx", "from_fbx"),
+    **dict.fromkeys(_USD, ("from_usd", "from_usd")),
+    **dict.fromkeys(_ASSIMP, ("from_assimp", "from_assimp")),
+}
+"""Files whose readers run in a process of their own: the module of this package, and its function."""
+
 _NEEDS = {
     **dict.fromkeys(_VTK, ("vtkmodules", "vtk", "vtk")),
     **dict.fromkeys(_MESHIO, ("meshio", "meshio", "meshio")),
     **dict.fromkeys(_CAD, ("cascadio", "cascadio", "cad")),
     **dict.fromkeys(("dae", "zae"), ("collada", "pycollada", "collada")),
+    "fbx": ("ufbx", "ufbx", "fbx"),
+    **dict.fromkeys(_USD, ("pxr", "usd-core", "usd")),
+    **dict.fromkeys(_ASSIMP, ("assimp_py", "assimp_py", "assimp")),
 }
 """For each extension: the module that it needs, the package that this is in, and the extra of clpeel that brings it."""
 
@@ -106,9 +152,12 @@ def read_by_library(path: str, extension: str, data: bytes) -> Scene | None:
     require(extension)
     if extension in _CAD:
         return _from_cad(data, _CAD[extension])
-    if extension not in _VTK and extension not in _MESHIO:
+    if extension not in (*_APART, *_VTK, *_MESHIO):
         return None
     with _as_file(path, data) as name:
+        if extension in _APART:
+            module, function = _APART[extension]
+            return read_apart(f"clpeel.reading.{module}", function, os.path.abspath(name), Companions(path))
         return _by_vtk(name, extension) if extension in _VTK else _by_meshio(name, extension)
 
 

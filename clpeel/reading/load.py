@@ -63,8 +63,9 @@ def load(
     """Return one Scene from mesh files, meshes of other libraries, and Scenes. Several are joined in the order given.
 
     Files may be PLY, STL, OBJ, OFF, GLB, glTF or 3MF, or point clouds as PCD or text (XYZ), each with or without .gz.
-    With other packages they may also be VTK's, STEP, IGES, COLLADA or what meshio reads (reading/libraries.py). Meshes
-    may be those of trimesh, PyVista, VTK, meshio and Open3D; `clpeel.from_pyvista` takes a whole PyVista plotter.
+    With other packages they may also be VTK's, STEP, IGES, COLLADA, FBX, USD, 3DS, or others that meshio and Assimp
+    read (reading/libraries.py). Meshes may be those of trimesh, PyVista, VTK, meshio and Open3D;
+    `clpeel.from_pyvista` takes a whole PyVista plotter.
     Lines and points of PLY, OBJ and glTF are drawn, too. Scene-graph transforms are applied in
     float64. Colours come from the faces, the vertices, and the materials with their textures: base colours and alpha
     modes of glTF, which are linear, and Kd, d, map_Kd and map_d of OBJ, which are display-referred, as are colours in

@@ -6,17 +6,17 @@ import math
 import posixpath
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clpeel.reading.companions import Companions, named
 from clpeel.reading.images import texels
 from clpeel.reading.losses import listed
+from clpeel.reading.paints import painted, with_opacities
 from clpeel.scene.arrays import DEFAULT_COLOR, AnyArray
 from clpeel.scene.materials import Finish, Material
-from clpeel.scene.textures import Texture, Wrap, linear, srgb
+from clpeel.scene.textures import Texture, Wrap, linear
 
 Rgb = tuple[float, float, float]
 
@@ -113,11 +113,7 @@ def finished(name: str, says: Statements, texture: Texture | None) -> Material:
     if rgb is None or ("map_kd" in says and not any(rgb)):
         red, green, blue = (value / 255 for value in DEFAULT_COLOR[:3])
         rgb = (red, green, blue) if texture is None else (1.0, 1.0, 1.0)
-    red, green, blue = (float(value) for value in linear(np.clip(rgb, 0, 1)))
-    alpha = opacity(says)
-    material = Material(name, (red, green, blue, alpha), texture, finish=finish(says))
-    blends = alpha < 1 or material.texel_alphas[0] < 1
-    return replace(material, alpha_mode="BLEND") if blends else material
+    return painted(name, rgb, opacity(says), texture, finish(says))
 
 
 # --- textures ---------------------------------------------------------------------------------------------------------
@@ -270,33 +266,3 @@ class Library:
 def _usual(name: str) -> str:
     """Return a file name without quotes, and with the slashes that are usual here."""
     return name.strip().strip('"').replace("\\", "/")
-
-
-def with_opacities(color: AnyArray | None, mask: AnyArray) -> AnyArray:
-    """Return texels, white if there are none, whose alphas are multiplied by what another image says.
-
-    That is its alpha if it has any below 1, else its luminance as stored. Both images get the larger width and height.
-    """
-    one = 255.0 if mask.dtype == np.uint8 else 1.0
-    alpha = mask[..., 3] / one
-    if (alpha == 1).all():
-        stored = mask[..., :3] / one if mask.dtype == np.uint8 else srgb(mask[..., :3])
-        alpha = stored @ np.array([0.2126, 0.7152, 0.0722])
-    if color is None:
-        color = np.full((*alpha.shape, 4), 255, np.uint8)
-    height, width = (max(sides) for sides in zip(alpha.shape, color.shape[:2], strict=True))
-    top = 255.0 if color.dtype == np.uint8 else 1.0
-    planes = [_resized(color[..., channel] / top, width, height) for channel in range(4)]
-    planes[3] = planes[3] * _resized(alpha, width, height)
-    image = np.stack(planes, axis=-1)
-    return np.rint(image * 255).astype(np.uint8) if top == 255 else image.astype(np.float32)
-
-
-def _resized(plane: NDArray[np.float64], width: int, height: int) -> NDArray[np.float64]:
-    """Return one channel [height, width] of an image in this size, interpolated."""
-    if plane.shape == (height, width):
-        return plane
-    from PIL import Image
-
-    image = Image.fromarray(plane.astype(np.float32)).resize((width, height), Image.Resampling.BILINEAR)
-    return np.clip(np.asarray(image, np.float64), 0, 1)

@@ -11,6 +11,7 @@ _BEGINNINGS = {
     "glb": (rb"glTF", "'glTF'"),
     "gltf": (rb"(\xef\xbb\xbf)?\s*\{", "'{', as JSON does"),
     "3mf": (rb"PK", "'PK', as a zip archive does"),
+    **dict.fromkeys(("usdz", "zae"), (rb"PK", "'PK', as a zip archive does")),
     "pcd": (rb"(#[^\n]*\n|\s)*(#|VERSION|FIELDS)", "'# .PCD', 'VERSION' or 'FIELDS'"),
     "off": (rb"(\xef\xbb\xbf)?(\s|#[^\n]*\n)*[A-Z0-9]{0,4}OFF\b", "'OFF'"),
 }

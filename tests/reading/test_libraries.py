@@ -180,7 +180,7 @@ def test_a_file_that_is_not_there_is_said_so(extension: str, tmp_path: Path) -> 
 
 # --- what is imported -------------------------------------------------------------------------------------------------
 
-HEAVY = ("vtk", "vtkmodules", "pyvista", "meshio", "open3d", "cascadio", "collada", "rich")
+HEAVY = ("vtk", "vtkmodules", "pyvista", "meshio", "open3d", "cascadio", "collada", "ufbx", "pxr", "rich")
 
 
 @pytest.mark.parametrize(
