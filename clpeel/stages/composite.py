@@ -28,10 +28,17 @@ ROW_BYTES = 16
 """Bytes of the background of a row on the device: a float4."""
 
 
+FEW_BYTES = 1 << 18
+"""Arrays of so many bytes are filled before they are drawn into, which takes some microseconds. Memory may still hold an
+earlier picture. So a kernel that leaves out a part of the known layers (rendering/self_test.py) would show them whole."""
+
+
 def _aligned(shape: tuple[int, ...], dtype: DTypeLike) -> Map:
     """An array that begins on a cache line. A device that writes to it directly then stores whole lines."""
     nbytes = int(np.prod(shape)) * np.dtype(dtype).itemsize
     held = np.empty(nbytes + CACHE_LINE, np.uint8)
+    if nbytes <= FEW_BYTES:
+        held.fill(0x5A)
     start = -held.ctypes.data % CACHE_LINE
     return held[start : start + nbytes].view(dtype).reshape(shape)
 
