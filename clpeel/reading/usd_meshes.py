@@ -222,11 +222,16 @@ class Shapes:
         return self._marks(prim, places, lines=ends)
 
     def _marks(self, prim: Any, places: AnyArray, **kinds: Any) -> Scene | None:
-        """Return lines or points in their displayColor."""
+        """Return lines or points in their displayColor, or in the plain colour of their material."""
         if self._get(prim, "widths") is not None:
             self._losses[f"widths of {prim.GetTypeName()} left out: --line-width and --point-size are for all"] += 1
         polygons = Polygons(places, np.full(len(places), 1), np.arange(len(places)))
-        color = self._colors(prim, polygons, [])
+        color, looks = self._colors(prim, polygons, []), self._materials.of(prim, 0)[0]
+        if looks and color is None:
+            material = looks[0].material
+            color = np.array([*srgb(material.base_color[:3]), material.opacity])
+            if looks[0].placings:
+                self._losses["textures of lines and points left out"] += 1
         if isinstance(color, Varying):
             return marks(places, **kinds, vertex_colors=color.values[color.index])
         return marks(places, **kinds, color=color)

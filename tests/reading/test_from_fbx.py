@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from reading import fbxs
-from reading.fbxs import color, geometry, layer, material, model, node, number, scene, vector
+from reading.fbxs import color, geometry, layer, material, model, node, number, properties, scene, vector
 
 import clpeel
 from clpeel.command.main import main
@@ -154,6 +154,20 @@ def test_textures_lie_beside_the_file_or_in_it(embedded: bool, tmp_path: Path) -
     assert loaded.uv is not None
     expected = (uv * [1, -1] + [0, 1])[[0, 1, 2, 0, 2, 3, 4, 5, 6]]
     np.testing.assert_allclose(loaded.uv[loaded.faces].reshape(-1, 2), expected, atol=1e-6)
+
+
+def test_skinned_meshes_stand_as_their_joints_do(load: Written) -> None:
+    """A joint that was bound at the origin has moved by (0, 0, 7). It takes the first four points with it."""
+    eye, indices, weights = np.eye(4).reshape(-1), np.arange(4), np.ones(4)
+    held = [node("Indexes", indices), node("Weights", weights), node("Transform", eye), node("TransformLink", eye)]
+    skin = node("Deformer", 80, "Deformer::skin", "Skin", within=[node("Link_DeformAcuracy", 50.0)])
+    cluster = node("Deformer", 81, "SubDeformer::part", "Cluster", within=held)
+    place = properties(**{"Lcl Translation": vector(0.0, 0.0, 7.0)})
+    joint = node("Model", 90, "Model::joint", "LimbNode", within=[node("Version", 232), place])
+    links = [(10, 20), (20, 0), (80, 10), (81, 80), (90, 81), (90, 0)]
+    loaded = load(scene(geometry(), model(20, "box"), skin, cluster, joint, links=links))
+    moved = np.where(np.arange(5)[:, None] < 4, fbxs.QUAD + [0, 0, 7], fbxs.QUAD)
+    np.testing.assert_allclose(corners(loaded), moved[[[0, 1, 2], [0, 2, 3], [0, 1, 4]]], atol=1e-6)
 
 
 def test_what_is_not_drawn_is_named(load: Written) -> None:

@@ -346,7 +346,11 @@ def test_points_and_curves_become_points_and_lines(stage: Usd.Stage) -> None:
     curves.CreateCurveVertexCountsAttr([3, 2])
     curves.CreateTypeAttr("linear")
     curves.CreateWidthsAttr([0.1])
+    bind(curves, surface(stage, "/look", diffuseColor=(1, 0, 0), opacity=0.5))
+    dots.CreateDisplayColorAttr([(0, 1, 0)])
     scene = load(stage)
+    assert scene.face_colors is not None
+    np.testing.assert_allclose(scene.face_colors, [[1, 0, 0, 0.5]] * 3 + [[0, 1, 0, 1]] * 2)
     assert scene.lines is not None and scene.points is not None
     segments = [[(0, 0, 0), (1, 0, 0)], [(1, 0, 0), (1, 1, 0)], [(3, 0, 0), (4, 0, 0)]]
     assert sorted(scene.vertices[scene.lines].tolist()) == np.array(segments, float).tolist()

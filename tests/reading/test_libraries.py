@@ -6,6 +6,7 @@ import gzip
 import importlib.util
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -90,7 +91,10 @@ def test_collada_is_read_by_trimesh(tmp_path: Path) -> None:
 
     (tmp_path / "box.dae").write_bytes(trimesh.exchange.dae.export_collada(trimesh.creation.box((1, 2, 3))))
     scene = clpeel.load(tmp_path / "box.dae")
-    assert scene.counts == (12, 0, 0) and scene.bounds.tolist() == [[-0.5, -1, -1.5], [0.5, 1, 1.5]]
+    with zipfile.ZipFile(tmp_path / "box.zae", "w") as file:
+        file.write(tmp_path / "box.dae", "box.dae")
+    for each in (scene, clpeel.load(tmp_path / "box.zae")):
+        assert each.counts == (12, 0, 0) and each.bounds.tolist() == [[-0.5, -1, -1.5], [0.5, 1, 1.5]]
 
 
 # --- what is not ------------------------------------------------------------------------------------------------------
