@@ -29,8 +29,10 @@ ROW_BYTES = 16
 
 
 FEW_BYTES = 1 << 18
-"""Arrays of so many bytes are filled before they are drawn into, which takes some microseconds. Memory may still hold an
-earlier picture. So a kernel that leaves out a part of the known layers (rendering/self_test.py) would show them whole."""
+"""Arrays of so many bytes are filled before they are drawn into, which takes some microseconds.
+
+Memory may hold an earlier picture. A kernel that leaves out a part of the known layers (rendering/self_test.py) would
+then show them whole."""
 
 
 def _aligned(shape: tuple[int, ...], dtype: DTypeLike) -> Map:
