@@ -32,7 +32,7 @@ def add_files(parser: argparse.ArgumentParser, done: str, none: Literal["+", "*"
         "files", nargs=none, metavar="FILE", help=f"mesh file, or scene file (.toml); several are {done} together"
     )
     text = "leave out faces whose corners are those of an earlier face"
-    group.add_argument("--drop-duplicates", action="store_true", help=text)
+    group.add_argument("--drop-duplicates", "--merge-coincident", action="store_true", help=text)
     text = "show an animation of glTF files, counted from 0 (default: the pose at rest, or 0 if a time is given)"
     group.add_argument("--animation-index", type=values.index, metavar="N", help=text)
     text = "show this moment of it (default: its start)"

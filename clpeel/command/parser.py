@@ -149,7 +149,8 @@ class _Help(argparse.HelpFormatter):
         if action.dest == "stats":
             return "--stats[=FILE.json]"
         if isinstance(action, _Switch):
-            return action.option_strings[0]
+            first, *others = action.option_strings
+            return ", ".join([first, *(flag for flag in others if flag != action.undo)])
         if not action.option_strings or action.nargs == 0:
             return super()._format_action_invocation(action)
         return f"{', '.join(action.option_strings)} {action.metavar}"
