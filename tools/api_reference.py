@@ -7,9 +7,11 @@ are errors. Exit codes: 0 done, 1 something is missing, 2 bad input.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import inspect
 import re
 import sys
+import tempfile
 import warnings
 from collections.abc import Iterator
 from functools import cached_property
@@ -28,7 +30,12 @@ def build(folder: Path) -> list[str]:
     """
     import pdoc
 
-    with warnings.catch_warnings(record=True) as caught:
+    # Where pdoc finds a folder of a module's name in the current one, it warns that it might be meant.
+    with (
+        tempfile.TemporaryDirectory() as empty,
+        contextlib.chdir(empty),
+        warnings.catch_warnings(record=True) as caught,
+    ):
         warnings.simplefilter("always")
         pdoc.render.configure(docformat="markdown", show_source=False, footer_text="clpeel")
         pdoc.pdoc(*MODULES, output_directory=folder)

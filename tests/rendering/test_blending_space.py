@@ -431,4 +431,4 @@ def test_the_command(squares: Path, tmp_path: Path, capfd: Any) -> None:
         middle, side = int(found[20, 20]), int(found[20, 10])
         assert {middle, side} == levels, more
     assert cli.main([*words, "--blending-space=cmyk"]) == 2
-    assert "blending_space: expected one of srgb, linear; got 'cmyk'" in capfd.readouterr().err
+    assert "--blending-space: expected one of srgb, linear; got 'cmyk'" in capfd.readouterr().err

@@ -597,7 +597,7 @@ def test_a_failure_leaves_all_as_it_was(
         (["-o", "new", "--stats=new"], "--stats: expected a file of its own, got "),
         (["-o", ".", "--stats=layer-3.png"], "--stats: expected a file of its own, got 'layer-3.png'"),
         (["-o", ".", "--stats=layers.npz"], "--stats: expected a file of its own, got 'layers.npz'"),
-        (["--samples=4"], "layers: expected samples=1, got 4"),
+        (["--samples=4"], "layers: expected --samples 1, got 4"),
         (["--technique=weighted-sum"], "layers: the technique 'weighted-sum' has no such option"),
         (["--passes=0"], "1 or more"),
     ],

@@ -86,7 +86,7 @@ def test_the_scale_bar_is_of_whole_numbers() -> None:
     assert (plain.layer_count == barred.layer_count).all()
 
 
-def test_other_techniques_have_no_such_map() -> None:
+def test_other_techniques_have_no_such_map_unless_it_is_asked_for() -> None:
     result = plainly.render(soups.random(1).scene(), BENCH.camera(), (8, 8))
-    with pytest.raises(clpeel.InputError, match="layer_count: expected a result of a technique that makes this map"):
+    with pytest.raises(clpeel.InputError, match="layer_count: expected a result rendered with maps="):
         _ = result.layer_count
