@@ -94,7 +94,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes | Callable[[IO[bytes]]
     Raises InputError if the place cannot be written.
     """
     target = checked_file(path)
-    with _told(path):
+    with told(path):
         if os.path.exists(target) and not os.path.isfile(target):  # a device or a pipe cannot be replaced
             with open(target, "wb") as file:
                 _write(file, data)
@@ -114,7 +114,7 @@ def write_new(stem: str, suffix: str, data: bytes) -> str:
     """
     folder = os.path.dirname(stem) or os.curdir
     _check_place(folder, "output")
-    with _told(stem + suffix):
+    with told(stem + suffix):
         part = _new_part(folder)
         held = _held(part, lambda: os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         try:
@@ -193,10 +193,10 @@ def whole_folder(path: str | os.PathLike[str], earlier: str) -> Iterator[Path]:
     part = _new_part(target if exists else os.path.dirname(target))
     held: int | None = None
     try:
-        with _told(path):
+        with told(path):
             held = _held(part, lambda: _new_folder(part))
         yield Path(part)
-        with _told(path):
+        with told(path):
             if not exists:
                 os.rename(part, target)
                 return
@@ -214,7 +214,7 @@ def whole_folder(path: str | os.PathLike[str], earlier: str) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _told(path: str | os.PathLike[str]) -> Iterator[None]:
+def told(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn the system's errors into InputErrors."""
     try:
         yield

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from clpeel.command.everyday import EVERYDAY
-from clpeel.command.words import tidied
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
@@ -376,7 +375,13 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """
     if arguments[:1] == ["help"]:
         arguments = [*arguments[1:], "--help"]
-    parser = make_parser(bare=all(argument in ("-h", "--help") for argument in arguments))
+    bare = all(argument in ("-h", "--help") for argument in arguments)
+    parser = make_parser(bare)
+    if bare:
+        parser.print_help()
+        parser.exit()
+    from clpeel.command.words import tidied
+
     words = tidied(arguments, list(parser.options()))
     options, unknown = parser.parse_known_args(words.arguments)
     if options.command is None and not unknown:

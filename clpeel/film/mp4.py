@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clpeel.errors import InputError
+from clpeel.files import told
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -50,24 +51,11 @@ def encode(
     path: of the file, which is read again for that. frame: returns frame k, RGB, with even sides. quality: 0..100.
     report: called with the number of each frame that is done. Raises InputError if the file cannot be written.
     """
-    try:
-        _encode(path, frame, count, fps, quality, report)
-    except OSError as error:  # av's own errors of this kind are OSErrors, too
-        raise InputError(f"output: cannot write '{path}': {error.strerror or error}") from None
-
-
-def _encode(
-    path: str,
-    frame: Callable[[int], Image.Image],
-    count: int,
-    fps: float,
-    quality: int,
-    report: Callable[[int], None],
-) -> None:
     import av
 
-    width, height = frame(0).size
-    with av.open(path, "w", format="mp4", options={"movflags": "faststart"}) as container:
+    # Errors of av about files are OSErrors, too.
+    with told(path), av.open(path, "w", format="mp4", options={"movflags": "faststart"}) as container:
+        width, height = frame(0).size
         stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001))
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.options = {"crf": str(crf_of(quality)), "preset": "medium"}

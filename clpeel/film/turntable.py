@@ -164,7 +164,7 @@ def turntable(
     gpu = renderer.gpu
     over = axis, bar, map_bar
     drawn_by = gpu.device.name, gpu.lanes
-    recipe = recipe_of(VERSION, scene, cameras, technique, request.picture, request.options, over, drawn_by)
+    recipe = recipe_of(VERSION, scene.digest, cameras, technique, request.picture, request.options, over, drawn_by)
     work = _Work(renderer, cameras, technique, given, *over, (device, lanes))
     with folder_of(output) as folder:
         kept = Kept(folder, output.name if output.kind == "png" else "{:06}.png".format, recipe)

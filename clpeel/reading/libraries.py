@@ -238,7 +238,7 @@ def _from_cad(data: bytes, kind: str) -> Scene:
 
     with tempfile.TemporaryDirectory() as folder:
         target = os.path.join(folder, "out.glb")
-        command = [sys.executable, "-c", _CONVERT, kind, target]
+        command = [sys.executable, "-P", "-c", _CONVERT, kind, target]  # -P: no module of the current folder
         run = subprocess.run(command, input=data, capture_output=True, check=False)
         converted = b""
         if run.returncode == 0:
