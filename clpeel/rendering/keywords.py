@@ -85,3 +85,5 @@ class Keywords(TypedDict, total=False):
     """Extinction a scene unit (default: by the scene's size)."""
     light_color: tuple[float, float, float] | str
     """Of the light behind the scene (default: a warm white)."""
+    weight: Literal["7", "8", "9", "10"]
+    """Of weighted-blended: the paper's equation for weights (default: 10)."""

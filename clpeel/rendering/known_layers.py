@@ -465,6 +465,23 @@ def weighted_average(stack: Stack, wanted: Wanted, technique: AnyTechnique, opti
     return over(np.concatenate([colors * share, through], axis=1), stack.behind), {}
 
 
+def weighted_blended(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(Ai Ci wi) / sum(Ai wi) (1 - R) + C0 R, R the product of all 1 - Ai (McGuire and Bavoil 2013, equation 6)."""
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    z = np.where(stack.present, stack.distance, NEAR)
+    near = {
+        "7": lambda: 10 / (1e-5 + (z / 5) ** 2 + (z / 200) ** 6),
+        "8": lambda: 10 / (1e-5 + (z / 10) ** 3 + (z / 200) ** 6),
+        "9": lambda: 0.03 / (1e-5 + (z / 200) ** 4),
+        "10": lambda: 3e3 * (1 - _window_depth(z, wanted.perspective)) ** 3,
+    }[getattr(options, "weight", "10")]()
+    weight = alpha * alpha * np.maximum(np.minimum(near, 3e3), 1e-2)
+    through, total = (1 - alpha).prod(axis=1, keepdims=True), weight.sum(axis=1, keepdims=True)
+    colors = (weight[..., None] * stack.color[..., :3]).sum(axis=1)
+    mean = np.divide(colors, total, out=np.zeros_like(colors), where=total > 0)
+    return over(np.concatenate([mean * (1 - through), through], axis=1), stack.behind), {}
+
+
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """How many fragments a sample has."""
     return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
@@ -491,13 +508,17 @@ def translucency(stack: Stack, wanted: Wanted, technique: AnyTechnique, options:
     return shown, {"thickness": lengths, "unpaired": unpaired.astype(np.float64)}
 
 
+def _window_depth(distance: Floats, perspective: bool) -> Floats:
+    """OpenGL's window depth of what is at this distance: 0 at the near plane, 1 at the far one."""
+    return FAR / (FAR - NEAR) * (1 - NEAR / distance) if perspective else (distance - NEAR) / (FAR - NEAR)
+
+
 def _lengths(stack: Stack, wanted: Wanted, options: Options) -> tuple[Floats, NDArray[np.bool_]]:
     """The length of each sample, and whether its crossings do not pair up."""
     variant, present = getattr(options, "variant", "exact"), stack.present
     distance = stack.distance
     if getattr(options, "projected", False):
-        linear = (distance - NEAR) / (FAR - NEAR)
-        distance = FAR / (FAR - NEAR) * (1 - NEAR / distance) if wanted.perspective else linear
+        distance = _window_depth(distance, wanted.perspective)
     distance = np.where(present, distance, 0.0)
     any_there, no = present.any(axis=1), np.zeros(len(present), bool)
     if variant == "total":
@@ -517,6 +538,7 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     **{name: in_order for name, technique in TECHNIQUES.items() if technique.sorts},
     "weighted-sum": weighted_sum,
     "weighted-average": weighted_average,
+    "weighted-blended": weighted_blended,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

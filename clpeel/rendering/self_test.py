@@ -513,9 +513,16 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     if test.request.technique.name == "translucency":
         # The light from behind changes by its extinction times the error of the length, and exp rounds a few times.
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
+    if test.request.technique.name == "weighted-blended":
+        return np.where(layers > 1, bound + WEIGHT_ROUNDINGS * ROUNDING, bound + 8 * ROUNDING)
     dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
     return np.where(exact & dyadic, 0.0, bound)
 
+
+WEIGHT_ROUNDINGS = 2048
+"""How far off weights make a mean, in roundings: twice their own error, as they are above and below the line. The
+greatest is that of (1 - d)^3: d is off by four roundings, and counts where 1 - d is at least (1 / 300,000)^(1/3), which is
+three times 4 / 0.0149 roundings."""
 
 OPTICAL_MOST = 6.0
 """At least the extinction of the known layers by default: OPTICAL_DIAGONAL over a diagonal that is longer than 1."""

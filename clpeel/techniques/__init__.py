@@ -18,6 +18,7 @@ from clpeel.techniques.technique import Technique as Technique
 from clpeel.techniques.thickness import Thickness
 from clpeel.techniques.translucency import Translucency
 from clpeel.techniques.weighted_average import WeightedAverage
+from clpeel.techniques.weighted_blended import WeightedBlended
 from clpeel.techniques.weighted_sum import WeightedSum
 
 AnyTechnique = Technique[Any]
@@ -35,6 +36,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         Translucency(),
         WeightedAverage(),
         WeightedSum(),
+        WeightedBlended(),
         LayerCount(),
     )
 }

@@ -17,9 +17,13 @@
 // This blends the fragments of a strip into `resolved`, which comes with premultiplied colour 0 and transmittance 1.
 // The count[k] fragments of pixel k are at begin[k], begin[k] + step, ... A technique with VALUES gets two arguments
 // more, (..., resolved, parameters, found): numbers of its own, and where it puts what it finds besides colours
-// (stages/composite.h), which comes as NOTHING.
+// (stages/composite.h), which comes as NOTHING. One with PARAMETERS gets (..., resolved, parameters).
 #ifndef DRAW_H
 #define DRAW_H
+
+#ifndef PARAMETERS
+#define PARAMETERS 0
+#endif
 
 #include "stages/opaque.h"
 
@@ -158,6 +162,8 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
 #else
                 put_where(here, &measured, found + strip);
 #endif
+#elif PARAMETERS
+                resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved, parameters);
 #else
                 resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved);
 #endif
