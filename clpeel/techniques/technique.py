@@ -96,6 +96,10 @@ class Technique(Generic[O]):
         """The options among which `auto` may choose."""
         return (self.options(),)
 
+    def compared(self) -> tuple[O, ...]:
+        """Other options than the defaults with which a comparison draws it too: points of its trade of time for error."""
+        return ()
+
     def error_without_order(self, layers: int, alpha: float) -> float | None:
         """How far off a channel is at most, 0..1, with so many layers of at most this alpha; None if unknown."""
         return None
