@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from clpeel.checks import AXES
 from clpeel.command.values import Vector
@@ -16,8 +15,7 @@ if TYPE_CHECKING:
     from clpeel.scene.scene import Scene
 
 
-@dataclass(frozen=True)
-class Additions:
+class Additions(NamedTuple):
     """What to add. unit, color, up: of the grid; None for its own unit and colour. notes: what is left out, and why."""
 
     grid: bool = False
@@ -48,7 +46,7 @@ class Additions:
         if not given or options.technique == AUTO or not technique(options.technique).maps:
             return found
         left_out = f"{' and '.join(given)} left out: the picture of {options.technique} is a map"
-        return replace(found, grid=False, axis=False, bar=False, notes=(left_out,))
+        return found._replace(grid=False, axis=False, bar=False, notes=(left_out,))
 
     def around(self, scene: Scene) -> Scene:
         """Return the scene with its grid. Cameras are made for the scene without it, as the grid is larger."""

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 from clpeel.command.config import defaults, users_file
 from clpeel.command.order import EACH, spread
 from clpeel.command.pieces import Piece, shared
-from clpeel.command.scene_file import SceneFile, is_scene_file, read_scene_file
-from clpeel.command.toml import Keys, over
+from clpeel.command.toml import Keys, is_scene_file, over
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
     from clpeel.command.parser import Parser
+    from clpeel.command.scene_file import SceneFile
     from clpeel.command.words import Words
 
 
@@ -36,12 +36,9 @@ def complete(options: argparse.Namespace, words: Words, parser: Parser) -> argpa
     settings = _settings(options)
     config, origins = defaults(settings, options.command, parser.commands, keys) if settings else ({}, {})
     named = list(getattr(options, "files", ()))
-    scene_files = [name for name in named if is_scene_file(name)]
-    if len(scene_files) > 1:
-        raise InputError(f"{scene_files[1]}: expected one scene file, got {len(scene_files)}")
-    scenes = {name: read_scene_file(name, options.command, keys) for name in scene_files}
-    scene = next(iter(scenes.values()), SceneFile(()))
-    found = over(over(config, scene.options), given)
+    scenes = _scene_files(named, options.command, keys)
+    scene = next(iter(scenes.values()), None)
+    found = over(over(config, scene.options) if scene else config, given)
     for name, value in found.items():
         if name not in EACH:
             setattr(options, name, value)
@@ -55,8 +52,10 @@ def complete(options: argparse.Namespace, words: Words, parser: Parser) -> argpa
     options.pieces = _pieces(named, scenes, {name: config[name] for name in EACH if name in config}, each)
     _tell_pieces(options, each)
     options.inputs = (*getattr(options, "files", ()), *scenes, *([settings] if settings else []))
-    options.named, options.lights, options.notes = named, scene.lights, scene.notes
-    options.origins = {name: where for name, where in {**origins, **scene.origins}.items() if name not in given}
+    options.named = named
+    options.lights, options.notes = (scene.lights, scene.notes) if scene else ((), ())
+    origins |= scene.origins if scene else {}
+    options.origins = {name: where for name, where in origins.items() if name not in given}
     return options
 
 
@@ -67,6 +66,18 @@ def _settings(options: argparse.Namespace) -> str | None:
     if options.config == "":
         raise InputError("--config: expected a file name, got ''")
     return options.config or (None if options.no_config else users_file())
+
+
+def _scene_files(named: list[str], command: str, keys: Keys) -> dict[str, SceneFile]:
+    """Return what the scene file says, by its name, if there is one. Raises InputError if there are more."""
+    files = [name for name in named if is_scene_file(name)]
+    if not files:
+        return {}
+    if len(files) > 1:
+        raise InputError(f"{files[1]}: expected one scene file, got {len(files)}")
+    from clpeel.command.scene_file import read_scene_file
+
+    return {files[0]: read_scene_file(files[0], command, keys)}
 
 
 def _each(options: argparse.Namespace, words: Words, keys: Keys, files: int) -> dict[str, list[tuple[Any, str | None]]]:

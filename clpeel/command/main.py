@@ -141,10 +141,12 @@ def _run(arguments: Sequence[str]) -> int:
             options = parse(arguments)
     except SystemExit as end:  # after --help and --version
         return int(end.code or 0)
-    from clpeel.command.write_scene import prepared
-
     _say_where_from(options)
-    write_scene = prepared(options)
+    write_scene = None
+    if getattr(options, "write_scene", None) is not None:
+        from clpeel.command.write_scene import prepared
+
+        write_scene = prepared(options)
     try:
         code = COMMANDS[options.command](options)
     except (InputError, NoDeviceError) as error:

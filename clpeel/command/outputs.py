@@ -7,8 +7,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from clpeel.command.streams import check_standard_output, standard_output
 from clpeel.command.terminal import Progress
@@ -77,8 +76,7 @@ def check_picture(
     return check_writable(path, "--output"), found
 
 
-@dataclass(frozen=True)
-class MapOutput:
+class MapOutput(NamedTuple):
     """A map to write. given: the path as it was given. path: with links resolved. found: the format of its suffix."""
 
     name: str

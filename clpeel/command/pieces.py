@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from clpeel.command.coloring import COLORING, given_coloring
 from clpeel.command.order import MOMENT
@@ -17,15 +17,14 @@ if TYPE_CHECKING:
 Matrix = tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True)
-class Piece:
+class Piece(NamedTuple):
     """A mesh file. options: those of EACH that are given for it; None stands for what the file says.
 
     matrix: 4 rows of 4 numbers, by which it is moved, or None. origin: where a scene file names it, for errors.
     """
 
     path: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = MappingProxyType({})
     matrix: Matrix | None = None
     origin: str = ""
 

@@ -7,8 +7,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from clpeel.command.additions import Additions
 from clpeel.command.inputs import load_demo, load_files, make_camera
@@ -103,8 +102,7 @@ def _render(options: argparse.Namespace, load: Callable[[], Scene], name: str, l
     return 0
 
 
-@dataclass(frozen=True)
-class _Outputs:
+class _Outputs(NamedTuple):
     """Where each output goes: the name of a file, `-` for standard output, or None if it is not asked for."""
 
     picture: str

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, get_type_hints
+from dataclasses import fields
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple, get_type_hints
 
 from clpeel.checks import named_view
 from clpeel.command.order import EACH
 from clpeel.command.pieces import Matrix, Piece
-from clpeel.command.toml import Keys, is_number, over, read_toml, said, spelled, unknown
+from clpeel.command.toml import PATHS, Keys, is_number, is_scene_file, over, read_toml, said, spelled, unknown
 from clpeel.errors import InputError
 
 if TYPE_CHECKING:
     from clpeel.scene.lights import Lamp
-
-SUFFIX = ".toml"
-
-PATHS = ("output", "stats", "map", "json", "csv", "html")
-"""Options that name files, which are relative to the scene file."""
 
 CAMERA = {"view": "camera_direction", "up": "camera_view_up", "clipping_range": "clipping_range"}
 """Keys of [camera] that are not those of an option that begins with `camera`."""
@@ -29,20 +25,14 @@ MOVES = ("translate", "rotate", "scale", "matrix")
 IDENTITY: Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
-@dataclass(frozen=True)
-class SceneFile:
+class SceneFile(NamedTuple):
     """What a scene file says. options, origins: values by name, and where they come from. notes: what is left out."""
 
     pieces: tuple[Piece, ...]
     lights: tuple[Lamp, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
-    origins: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Any] = MappingProxyType({})
+    origins: Mapping[str, str] = MappingProxyType({})
     notes: tuple[str, ...] = ()
-
-
-def is_scene_file(path: str) -> bool:
-    """Return whether a file of the command line is a scene file."""
-    return path.lower().endswith(SUFFIX)
 
 
 def read_scene_file(path: str, command: str, keys: Keys) -> SceneFile:

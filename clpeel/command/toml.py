@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from clpeel.command.order import EACH, FILE
 from clpeel.errors import InputError
@@ -30,7 +29,18 @@ AGAINST = {
 }
 """For an option of a file, those that put it out of force if they are given in a stronger place."""
 
+SUFFIX = ".toml"
+"""Of scene files."""
+
+PATHS = ("output", "stats", "map", "json", "csv", "html")
+"""Options that name files, which are relative to the scene file."""
+
 MOST_BYTES = 1 << 24
+
+
+def is_scene_file(path: str) -> bool:
+    """Return whether a file of the command line is a scene file."""
+    return path.lower().endswith(SUFFIX)
 
 
 def over(weaker: Mapping[str, Any], stronger: Mapping[str, Any]) -> dict[str, Any]:
@@ -95,8 +105,7 @@ def unknown(where: str, key: str, known: Iterable[str]) -> NoReturn:
     raise InputError(f"{where}: unknown key {ascii(key)}{hint}")
 
 
-@dataclass(frozen=True)
-class Keys:
+class Keys(NamedTuple):
     """The keys that stand for options. actions: those of a command, by key. others: the keys of other commands."""
 
     actions: Mapping[str, argparse.Action]

@@ -8,8 +8,7 @@ import os
 import re
 from collections.abc import Callable
 
-from clpeel.command.scene_file import PATHS, SUFFIX, is_scene_file
-from clpeel.command.toml import NOT_IN_FILES
+from clpeel.command.toml import NOT_IN_FILES, PATHS, SUFFIX, is_scene_file
 from clpeel.errors import InputError
 
 HEAD = "# A scene for clpeel render. Paths are relative to this file."
@@ -21,11 +20,9 @@ TEXTS = ("technique", "device", "memory", "output", "stats", "map", "coloring_ar
 """Options whose texts may look like numbers."""
 
 
-def prepared(options: argparse.Namespace) -> Callable[[], None] | None:
-    """Return a function that writes the scene file that is asked for, or None. Raises InputError if it cannot be."""
-    path = getattr(options, "write_scene", None)
-    if path is None:
-        return None
+def prepared(options: argparse.Namespace) -> Callable[[], None]:
+    """Return a function that writes the scene file that is asked for. Raises InputError if it cannot be."""
+    path = options.write_scene
     from clpeel.command.outputs import check_apart, check_writable, write
     from clpeel.command.streams import say
 

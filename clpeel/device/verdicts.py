@@ -2,14 +2,16 @@
 
 They are lines of a file in the folder of the device's compiled kernels (cache.py), so another driver or another version
 of clpeel begins anew. A line begins with a digest of the rest. A line that was cut or changed is not used. If the file
-cannot be read or written, pictures are tested again in each process.
+cannot be read or written, pictures are tested again in each process. A file that has become long is cut to its last
+lines, as each process reads all of it.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
@@ -19,7 +21,8 @@ import pyopencl as cl
 
 from clpeel.device.building import cache_of
 from clpeel.device.cache import key_of, root
-from clpeel.files import open_at_once
+from clpeel.errors import InputError
+from clpeel.files import open_at_once, write_whole
 
 Kind = Literal["right", "close", "wrong"]
 """close: right but for roundings that the device says it does not make correctly."""
@@ -36,6 +39,11 @@ _TEST = 2
 _DIGEST = 16
 _MOST_BYTES = 1 << 24
 """Of the file. A line takes some hundred bytes, so nobody's file is that long."""
+
+_KEPT, _MOST = 1000, 2000
+"""How many of the last verdicts stay in a file that has more than so many. Those that go cost a test of about 10 ms."""
+
+_KINDS = get_args(Kind)
 
 
 @dataclass(frozen=True)
@@ -64,7 +72,7 @@ def _verdict(line: str) -> Verdict | None:
     """The verdict that a line has; None if the line is none, or is damaged."""
     digest, _, told = line.partition("\t")
     words = told.split("\t")
-    if digest != _digest(told) or len(words) < 4 or words[0] not in get_args(Kind):
+    if digest != _digest(told) or len(words) < 4 or words[0] not in _KINDS:
         return None
     kind: Kind = "right" if words[0] == "right" else "close" if words[0] == "close" else "wrong"
     return Verdict(kind, int(words[1]), frozenset(words[3:]), words[2])
@@ -127,8 +135,9 @@ class Verdicts:
 
     def _take(self, verdict: Verdict) -> None:
         # Verdicts on other sources of the same kernels do not count any more, either.
-        names = _without_digests(verdict.parts)
-        self.wrong = [other for other in self.wrong if not _without_digests(other.parts) <= names]
+        if self.wrong:
+            names = _without_digests(verdict.parts)
+            self.wrong = [other for other in self.wrong if not _without_digests(other.parts) <= names]
         if verdict.kind == "wrong":
             self.wrong.append(verdict)
         else:
@@ -149,10 +158,11 @@ def verdicts_of(device: cl.Device) -> Verdicts:
     with _knowing:
         if key not in _known:
             found = Verdicts(cache_of(device).folder / "verdicts")
-            for line in _lines(found.file):
-                verdict = _verdict(line)
-                if verdict is not None:
-                    found.add(verdict)
+            read = [verdict for line in _lines(found.file) if (verdict := _verdict(line)) is not None]
+            for verdict in read:
+                found.add(verdict)
+            if len(read) > _MOST:
+                _shorten(found.file, read)
             _known[key] = found
         return _known[key]
 
@@ -163,3 +173,9 @@ def _lines(file: Path) -> Iterator[str]:
             yield from opened.read(_MOST_BYTES).decode("utf-8", "replace").split("\n")
     except OSError:  # there is none yet, or it cannot be read
         return
+
+
+def _shorten(file: Path, read: Sequence[Verdict]) -> None:
+    """Cuts the file to its last verdicts. What another process adds meanwhile may be lost, and is tested again."""
+    with suppress(InputError, OSError):
+        write_whole(file, "".join(f"{verdict.line}\n" for verdict in read[-_KEPT:]).encode())

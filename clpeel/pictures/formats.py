@@ -6,15 +6,15 @@ This imports nothing heavy, because the command checks its outputs before anythi
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from types import MappingProxyType
+from typing import NamedTuple
 
 from clpeel.errors import InputError
 
 
-@dataclass(frozen=True)
-class Format:
+class Format(NamedTuple):
     """A kind of file.
 
     suffixes: of its names. bits: of a channel, those that it can have; the first are the default. half: whether 16 bits
@@ -27,7 +27,7 @@ class Format:
     bits: tuple[int, ...]
     alpha: bool = True
     most_side: int | None = None
-    packages: dict[int, tuple[str, str, str]] = field(default_factory=dict)
+    packages: Mapping[int, tuple[str, str, str]] = MappingProxyType({})
 
 
 _OPENEXR = ("OpenEXR", "OpenEXR", "exr")
@@ -47,15 +47,14 @@ PICTURES = (PNG, JPEG, WEBP, TIFF, EXR, NPZ)
 LAYERS = (NPZ, EXR)
 """What layers may be written as."""
 
-MAPS = (NPY, NPZ, replace(EXR, bits=(32,)), replace(TIFF, bits=(32,)), replace(PNG, bits=(16,), packages={}))
+MAPS = (NPY, NPZ, EXR._replace(bits=(32,)), TIFF._replace(bits=(32,)), PNG._replace(bits=(16,), packages={}))
 """What a map may be written as. All hold its numbers as they are, but PNG, which holds 16 bits of them."""
 
 EIGHT_BITS = (PNG, JPEG, WEBP, TIFF)
 """What a picture without its float32 colour may be written as."""
 
 
-@dataclass(frozen=True)
-class Chosen:
+class Chosen(NamedTuple):
     """A format, and how many bits a channel has in it."""
 
     format: Format

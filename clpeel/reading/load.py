@@ -21,7 +21,6 @@ from clpeel import checks
 from clpeel.errors import InputError
 from clpeel.reading.companions import Companions, named
 from clpeel.reading.from_trimesh import from_trimesh
-from clpeel.reading.libraries import LIBRARY_EXTENSIONS, read_by_library, require
 from clpeel.reading.losses import listed
 from clpeel.reading.obj import obj
 from clpeel.reading.objects import KNOWN, library_of, of_object
@@ -34,12 +33,12 @@ from clpeel.reading.words import one_line
 from clpeel.reading.xyz import XYZ, xyz
 from clpeel.scene.arrays import checked_color, checked_opacity
 from clpeel.scene.duplicates import duplicates
-from clpeel.scene.fields import names_of
-from clpeel.scene.scalars import NOT_SHOWN, Mapped, with_scalars
+from clpeel.scene.fields import NOT_SHOWN, names_of
 from clpeel.scene.scene import Scene, joined, recolored, without_faces
 
 if TYPE_CHECKING:
     from clpeel.reading.gltf_animations import Moment
+    from clpeel.scene.scalars import Mapped
 
 GLTF = ("glb", "gltf")
 
@@ -97,7 +96,11 @@ def load(
     scene = _without_duplicates(joined([_opened(source, moment) for source in sources]), drop_duplicates)
     if color is not None or given_opacity is not None:
         scene = recolored(scene, given_color, given_opacity)
-    return _with_arrays_noted(scene) if scalars is None else with_scalars(scene, scalars, opacity=opacity, **mapped)
+    if scalars is None:
+        return _with_arrays_noted(scene)
+    from clpeel.scene.scalars import with_scalars
+
+    return with_scalars(scene, scalars, opacity=opacity, **mapped)
 
 
 _DUPLICATES = "duplicate faces"  # the note about duplicate faces begins like this
@@ -192,6 +195,8 @@ def _from_file(path: str, moment: Moment | None) -> Scene:
         if extension in _READERS:
             return _READERS[extension](data, Companions(path))
     _require_reader(path, extension)
+    from clpeel.reading.libraries import read_by_library
+
     with _errors_named(path), collected() as records:
         own = read_by_library(path, extension, data)
         if own is not None:
@@ -223,6 +228,8 @@ def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecor
 
 def _require_reader(path: str, extension: str) -> None:
     """Raise InputError unless a library can read files with this extension."""
+    from clpeel.reading.libraries import LIBRARY_EXTENSIONS, require
+
     if extension in LIBRARY_EXTENSIONS:
         with _errors_named(path):
             require(extension)

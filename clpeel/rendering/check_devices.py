@@ -18,8 +18,8 @@ from typing import Literal
 from clpeel.device.devices import DeviceInfo, list_devices
 from clpeel.device.program import DriverError
 from clpeel.errors import DeviceError
+from clpeel.rendering.checking import SKIP, WrongPictureError
 from clpeel.rendering.renderer import Renderer
-from clpeel.rendering.self_test import SKIP, WrongPictureError
 from clpeel.rendering.warm_up import CAMERA, SIZE, Kind
 from clpeel.techniques import TECHNIQUES
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from clpeel.rendering.request import Request
 from clpeel.scene.scene import Scene
@@ -15,8 +15,7 @@ NOT_SEEN = ("keep_color", "layers", "maps", "memory")
 """Options that change no picture."""
 
 
-@dataclass(frozen=True, eq=False)
-class Made:
+class Made(NamedTuple):
     """What a result was made of. opacity: that of Renderer.set_opacity."""
 
     request: Request

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.device.layout import ALL_LAYERS
-from clpeel.pictures.layers import Layers
 from clpeel.rendering.options import FOREMOST_MAPS
 from clpeel.scene.camera import Camera
 from clpeel.scene.scene import Scene
 from clpeel.stages.composite import Map
+
+if TYPE_CHECKING:
+    from clpeel.pictures.layers import Layers
 
 LAYER_COUNT, TRANSMITTANCE = "layer_count", "transmittance"
 

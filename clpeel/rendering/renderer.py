@@ -21,11 +21,9 @@ from clpeel.device.layout import ALL_LAYERS
 from clpeel.device.memory import Budget
 from clpeel.device.workspace import Workspace
 from clpeel.errors import InputError
-from clpeel.pictures.layers import Layers
-from clpeel.rendering import self_test
+from clpeel.rendering import checking
 from clpeel.rendering.auto import Choice, capacity_of, chosen_for
 from clpeel.rendering.blank import why_blank
-from clpeel.rendering.hidden_edges import with_hidden_edges
 from clpeel.rendering.made import Made
 from clpeel.rendering.maps import layers_for, view_maps
 from clpeel.rendering.options import BACKGROUND, Lighting, Size
@@ -38,22 +36,21 @@ from clpeel.scene.normals import with_normals
 from clpeel.scene.scene import Scene, faces_alone, recolored
 from clpeel.stages.binning import Batch, Tiles, bin_triangles
 from clpeel.stages.composite import Finished, Map, Picture
-from clpeel.stages.find_layers import STAGE as LAYERS_STAGE
-from clpeel.stages.find_layers import Peeled, find_layers
 from clpeel.stages.frame import Frame
 from clpeel.stages.outlines import SQUARE, Shape, shape_of
 from clpeel.stages.projection import Triangles, project
 from clpeel.stages.shading import readable
 from clpeel.stages.tiles import AtTile, Drawn
 from clpeel.stages.upload import DeviceScene, in_linear_light, upload, with_colors
-from clpeel.stages.wires import DeviceEdges, Wired, edges_on_device
 from clpeel.techniques import ERROR_BOUND
 from clpeel.techniques.precision import blending_bound
 
 if TYPE_CHECKING:
     from typing import Unpack
 
+    from clpeel.pictures.layers import Layers
     from clpeel.rendering.keywords import Keywords
+    from clpeel.stages.wires import DeviceEdges, Wired
 
 _Method = TypeVar("_Method", bound=Callable[..., Result])
 
@@ -190,7 +187,10 @@ class Renderer:
         drawn = [draw(frame, batch, request) for batch in batches]
         clamped_pixels = picture.fetch()
         finished = finish(request, picture, triangles, choice)
-        finished = with_hidden_edges(self.gpu, request, triangles, budget, finished)
+        if triangles.seen is not None:
+            from clpeel.rendering.hidden_edges import with_hidden_edges  # few pictures have edges
+
+            finished = with_hidden_edges(self.gpu, request, triangles, budget, finished)
         stats = stats_of(request, triangles, drawn, finished, clamped_pixels, picture, clock)
         stats = explained(stats, request, triangles, finished, choice)
         stats.notes.extend((*tested, *self._notes(request)))
@@ -203,9 +203,9 @@ class Renderer:
 
     def _tested(self, request: Request, triangles: Triangles, tiles: int) -> list[str]:
         """Tests the kernels of the picture, and those of its maps. Returns notes. tiles: of the picture."""
-        notes = self_test.check(self, request, triangles, tiles)
+        notes = checking.check(self, request, triangles, tiles)
         if layers_for(request.picture.maps):
-            notes += self_test.check(self, request.of_layers, triangles, tiles)
+            notes += checking.check(self, request.of_layers, triangles, tiles)
         return list(dict.fromkeys(notes))
 
     def _on_device(self, request: Request) -> DeviceScene:
@@ -263,7 +263,7 @@ class Renderer:
         if request.technique.measures_solids and lines + points:
             counted = " and ".join(f"{n:,} {word}" for n, word in ((lines, "line(s)"), (points, "point(s)")) if n)
             yield f"{counted} left out: they have no inside, which {request.technique.name} measures"
-        if request.technique.measures_solids and request.wanted_edges.any:
+        if request.technique.measures_solids and request.wants_edges:
             yield f"edges left out: they have no inside, which {request.technique.name} measures"
         if shape is not None and shape.simplified:
             wanted = request.marks.point_type
@@ -293,6 +293,8 @@ class Renderer:
         wires = request.wires
         if wires is None:
             return None
+        from clpeel.stages.wires import Wired, edges_on_device  # few pictures have edges
+
         kind = self._kind(request)
         held = self._edges.get(kind)
         if held is not None and len(held.found.places) != len(scene.scene.vertices):
@@ -345,6 +347,8 @@ class Renderer:
         begun = time.perf_counter()
         front, back = ends
         seen = seen or request
+        from clpeel.stages.find_layers import STAGE, Peeled, find_layers  # few pictures need them
+
         peeled = Peeled(
             camera=request.camera,
             size=request.picture.size,
@@ -363,7 +367,7 @@ class Renderer:
         layers = find_layers(self.gpu, scene, peeled, budget, request.report)
         seconds = stats.seconds
         took = time.perf_counter() - begun
-        seconds[LAYERS_STAGE] = seconds.get(LAYERS_STAGE, 0.0) + took
+        seconds[STAGE] = seconds.get(STAGE, 0.0) + took
         seconds["total"] = seconds.pop("total") + took
         return layers
 

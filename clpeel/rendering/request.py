@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from clpeel.checks import Rgb
 from clpeel.device.layout import Targets
@@ -27,10 +27,12 @@ from clpeel.scene.scene import Scene
 from clpeel.scene.textures import linear
 from clpeel.stages.outlines import Length, Marks
 from clpeel.stages.projection import Lit
-from clpeel.stages.wires import Wanted, Wires
 from clpeel.techniques import AUTO, ERROR_BOUND, TECHNIQUES, AnyTechnique, AutoOptions, option_names, options_class
 from clpeel.techniques import technique as technique_named
 from clpeel.techniques.precision import Blending
+
+if TYPE_CHECKING:
+    from clpeel.stages.wires import Wires
 
 Progress = Callable[[float, str], None]
 """Called with the share of the work that is done, 0..1, and a text that says what is being done."""
@@ -179,21 +181,24 @@ class Request:
         return marks_of(self.picture)
 
     @property
-    def wanted_edges(self) -> Wanted:
-        """Which edges of faces are asked for."""
-        return Wanted(self.picture.edges, self.picture.feature_edges, self.picture.silhouettes)
+    def wants_edges(self) -> bool:
+        """Whether edges of faces are asked for."""
+        return self.picture.edges or self.picture.feature_edges is not None or self.picture.silhouettes
 
     @property
     def wires(self) -> Wires | None:
         """How edges of faces are drawn, if any are. Techniques that measure solids draw none."""
-        picture, wanted = self.picture, self.wanted_edges
-        if not wanted.any or self.technique.measures_solids:
+        if not self.wants_edges or self.technique.measures_solids:
             return None
+        from clpeel.stages.wires import Wanted, Wires
+
+        picture = self.picture
         color = cast(Rgb, picture.edge_color)  # as it is checked
         if self.linear:
             red, green, blue = map(float, linear(color))
             color = red, green, blue
         hidden = picture.hidden_edges
+        wanted = Wanted(picture.edges, picture.feature_edges, picture.silhouettes)
         return Wires(wanted, color, picture.edge_opacity, self.marks.line_width, hidden if self.opaque_first else 0.0)
 
     @property

@@ -19,7 +19,6 @@ from clpeel.files import checked_file, write_whole
 from clpeel.pictures.formats import MAPS, Chosen, chosen
 from clpeel.pictures.lengths import Lengths
 from clpeel.pictures.png import encode_png
-from clpeel.pictures.shown import Shown
 from clpeel.rendering.made import SOFTWARE
 from clpeel.rendering.options import VIEW_MAPS
 from clpeel.rendering.shown_errors import error_of
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from clpeel.pictures.layers import Layers
     from clpeel.pictures.provenance import Provenance
     from clpeel.pictures.scale_bar import Box
+    from clpeel.pictures.shown import Shown
     from clpeel.rendering.made import Made
     from clpeel.rendering.request import Request
     from clpeel.scene.camera import Camera
@@ -327,6 +327,8 @@ class Result:
         return encode(self._shown(), found, provenance)
 
     def _shown(self) -> Shown:
+        from clpeel.pictures.shown import Shown
+
         """The picture and what is needed to compute it in more than 8 bits."""
         maps = {name: self.map(name) for name in self.maps}
         if self._made is None:

@@ -1,34 +1,29 @@
 """The self-test: before a device's kernels draw their first picture, they draw one that is known (known_layers.py).
 
 A driver may compile a kernel wrongly, and then the picture is wrong or blank without a word. So the very kernels that a
-picture needs first draw a few known layers, with the picture's own options. The verdict is kept (device/verdicts.py),
-a line for each set of kernels, so the test is made once for each device, driver and version of clpeel. It launches
-kernels as the picture does, so that nothing is compiled for it alone.
+picture needs first draw a few known layers, with the picture's own options. This is done if no verdict on them is known
+(checking.py). It launches kernels as the picture does, so that nothing is compiled for it alone.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache as remembered
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.checks import Background
-from clpeel.device.cache import key_of
-from clpeel.device.layout import DEPTH_FORMATS, TILE_PIXELS, Features
-from clpeel.device.program import lacks, source
-from clpeel.device.verdicts import Kind, Parts, Verdict, verdicts_of
-from clpeel.device.workspace import Workspace
+from clpeel.device.layout import DEPTH_FORMATS, TILE_PIXELS
+from clpeel.device.program import lacks
+from clpeel.device.verdicts import Kind, Parts, Verdict
 from clpeel.errors import DeviceError
 from clpeel.options import Options
 from clpeel.pictures.background import rows_of
 from clpeel.pictures.over import converted
+from clpeel.rendering.checking import LAYERS, MAX_ERROR, NO_EDGES, Behind, behind, own_ways, shared_ways
 from clpeel.rendering.known_layers import (
-    FACES,
     FAR,
     HEIGHT,
     NEAR,
@@ -45,7 +40,7 @@ from clpeel.rendering.request import Request
 from clpeel.rendering.shown_errors import ENCODING, error_of, rounding_of
 from clpeel.scene.textures import linear, srgb
 from clpeel.stages.counting import count_layers
-from clpeel.stages.upload import DeviceScene, upload
+from clpeel.stages.upload import upload
 from clpeel.techniques import ERROR_BOUND
 from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
 
@@ -54,48 +49,12 @@ if TYPE_CHECKING:
     from clpeel.rendering.result import Result
     from clpeel.stages.projection import Triangles
 
-SKIP = "CLPEEL_SKIP_CHECK"
-"""The environment variable that lets pictures be made without a test. Empty or 0 means that they are tested."""
-
-BACKGROUNDS: dict[str, Background | None] = {
+BACKGROUNDS: dict[Behind, Background | None] = {
     "colour": (0.25, 0.5, 1.0),
     "gradient": ((0.25, 0.5, 1.0), (1.0, 0.125, 0.5)),
     "none": None,
 }
 """Behind the known layers, by the kind of the picture's background."""
-
-MAX_ERROR = 0.125
-"""Which layers are skipped, if the picture skips any."""
-
-MOST_PASSES = len(FACES) + 1
-"""The known layers need no more, so all greater numbers of passes are one case."""
-
-NO_MATTER = ("scale_bar", "thickness_range", "sigma", "light_color")
-"""Options of techniques that kernels do not see, or only as a number."""
-
-MARKS = ("line_width", "point_size", "point_type")
-EDGES = ("edges", "feature_edges", "silhouettes", "edge_color", "edge_opacity", "hidden_edges")
-"""Options of all pictures that say how lines, points and edges are drawn. The known layers have none."""
-
-NO_EDGES = 180.0
-"""No two faces bend by more degrees than this. So kernels for edges draw none of the known layers."""
-
-NOT_IN_TESTS = (
-    "size",
-    "background",
-    "memory",
-    "keep_color",
-    "backface_type",
-    "light_intensity",
-    "lighting",
-    "maps",
-    *MARKS,
-    *EDGES,
-)
-"""Options of all pictures that the test's picture has values of its own for."""
-
-IN_FEATURES = ("lighting", "highlights", "opaque", "depth_format", "layers", "anisotropy", "blending_space")
-"""Options of all pictures that change nothing but what kernels are compiled for (Features), or which are launched."""
 
 ROUNDING = 2.0**-24
 """How far a number up to 1 is off after one float32 operation."""
@@ -124,19 +83,8 @@ the product with 1 - AMBIENT, the sum, and the product with the colour.
 DEPTH_ROUNDINGS = 24
 """Of two depths: 12 each for a corner, its shift to the snapped corner, and the interpolation."""
 
-LAYERS = len(FACES) + 1
-"""No sample of the known layers has more."""
-
 MESSAGE = 200
 """How many characters an error's text may take in a verdict."""
-
-
-class WrongPictureError(DeviceError):
-    """The device's kernels draw known layers wrongly. reason: what was wrong, and which kernels drew it."""
-
-    def __init__(self, message: str, reason: str = "") -> None:
-        super().__init__(message)
-        self.reason = reason
 
 
 @dataclass(frozen=True)
@@ -160,79 +108,7 @@ class _Test:
         return -(-WIDTH // pattern.columns), HEIGHT // pattern.rows
 
 
-def check(renderer: Renderer, request: Request, triangles: Triangles, tiles: int) -> list[str]:
-    """Tests the kernels of a picture that is about to be drawn, unless a verdict is known. Returns notes for its stats.
-
-    request: with its final technique. tiles: of the picture. Raises WrongPictureError if the kernels draw wrongly.
-    """
-    if getattr(request.options, "torn_writes", False):
-        return []  # they lose layers on purpose, so nobody knows the picture
-    test = _test_of(request, triangles, renderer.gpu)
-    return _checked(renderer, test.parts, lambda: _tested(renderer, test, tiles))
-
-
-def check_counting(renderer: Renderer, scene: DeviceScene, features: Features, perspective: bool) -> None:
-    """Tests the kernels that have counted layers, unless a verdict is known. Raises WrongPictureError as `check` does.
-
-    features: those that the scene was counted for.
-    """
-    lanes, surfaces = renderer.gpu.lanes, features.surfaces
-    kernels = features if features.routed else Features(lanes, "face")
-    wanted = Wanted(kernels, surfaces, perspective, scene.low_positions is not None, cut=False)
-    parts = frozenset(
-        {
-            _part("counting", [f"lanes {lanes}", surfaces, *_of_materials(kernels)], "stages/counting.cl"),
-            _part("projection", [f"lanes {lanes}", wanted.view], "stages/setup.cl"),
-        }
-    )
-
-    def counted() -> tuple[Verdict, list[str]]:
-        tester = renderer.beside(wanted.scene())
-        first, size = surfaces != "transparent", (WIDTH, HEIGHT)
-        found, stack = _Comparison(), stack_of(wanted, size, first)
-
-        def compare() -> tuple[Kind, str]:
-            got = count_layers(tester.gpu, upload(tester.gpu, tester.scene), wanted.camera(), size, first)
-            for name, values, want in (
-                ("layers", got.layers, stack.transparent.sum(axis=1)),
-                ("opaque", got.opaque, stack.opaque.any(axis=1)),
-            ):
-                found.expect(name, values.astype(np.float64), want.reshape(HEIGHT, WIDTH).astype(np.float64), 0.0)
-            return ("wrong", found.wrong or found.inexact) if found.wrong or found.inexact else ("right", "")
-
-        return _verdict(compare, parts, lanes), []
-
-    _checked(renderer, parts, counted)
-
-
-def _checked(renderer: Renderer, parts: Parts, test: Callable[[], tuple[Verdict, list[str]]]) -> list[str]:
-    """Makes the test, unless its verdict is known or nobody wants it. Returns notes, and raises WrongPictureError."""
-    if os.environ.get(SKIP, "0") not in ("", "0"):
-        return []
-    device = renderer.gpu.device
-    verdicts = verdicts_of(device)
-    verdict = None if renderer.tests_again else verdicts.of(parts)
-    notes: list[str] = []
-    if verdict is None:
-        verdict, notes = test()
-        verdicts.keep(verdict)
-    if verdict.kind == "right":
-        return notes
-    name = f"{device.name.strip()} ({device.platform.name.strip()}, driver {device.driver_version.strip()})"
-    if verdict.kind == "wrong":
-        raise WrongPictureError(
-            f"device: expected {name} to draw known layers as they are, got {verdict.reason}; choose another --device "
-            f"('clpeel devices' lists them); {SKIP}=1 draws all the same, and without '{verdicts.file}' it is tested "
-            "again",
-            verdict.reason,
-        )
-    return [*notes, f"{name} {verdict.reason}, so the last bits may differ from those of other devices"]
-
-
-# --- what is tested ---------------------------------------------------------------------------------------------------
-
-
-def _test_of(request: Request, triangles: Triangles, gpu: Workspace) -> _Test:
+def _test_of(request: Request, triangles: Triangles, parts: Parts) -> _Test:
     """What to draw for this picture: the same features, technique and options."""
     scene = triangles.scene
     wanted = Wanted(
@@ -242,116 +118,34 @@ def _test_of(request: Request, triangles: Triangles, gpu: Workspace) -> _Test:
         pairs=scene.low_positions is not None,
         cut=triangles.clipped > 0,
     )
-    own = dict(_settled(request.options, request.linear))
-    shared = {name: value for name, value in request.picture.given() if name not in NOT_IN_TESTS}
-    over = request.picture.over
-    kind = "none" if over is None else "colour" if len(over) == 3 else "gradient"
+    own = own_ways(request)
     features = triangles.features
     lighting = (
         "headlight" if features.headlight else "scene" if features.positioned else "kit" if features.lights else "none"
     )
-    given = {**own, **shared, "background": BACKGROUNDS[kind], "lighting": lighting}
+    given = {**own, **shared_ways(request), "background": BACKGROUNDS[behind(request)], "lighting": lighting}
     if features.wires:
         given["feature_edges"] = NO_EDGES
-    way = {} if kind == "colour" else {"background": kind}
     return _Test(
-        parts=_parts(request, wanted, gpu, {**own, **shared, **way}),
+        parts=parts,
         wanted=wanted,
         request=request,
-        options=type(request.options)(**own),
+        options=replace(type(request.options)(), **own),
         given=given,
     )
-
-
-def _settled(options: Options, linear: bool) -> Iterator[tuple[str, object]]:
-    """The technique's options that differ from their defaults, and that kernels see.
-
-    Numbers that kernels only compute with have a value that suits the known layers. linear: whether colours are blended
-    as linear light.
-    """
-    for name, value in options.given():
-        if name in NO_MATTER:
-            continue
-        if name == "max_error":
-            value = error_of(MAX_ERROR, linear)
-        elif name == "passes" and isinstance(value, int):
-            value = min(value, MOST_PASSES)
-        yield name, value
-
-
-def _parts(request: Request, wanted: Wanted, gpu: Workspace, ways: dict[str, object]) -> Parts:
-    """The sets of kernels that the picture needs, as texts. Each ends with a digest of the kernels' sources.
-
-    ways: the options that may change what the kernels do.
-    """
-    features, technique = wanted.features, request.technique
-    with_lanes = f"lanes {gpu.lanes}"
-    words = [with_lanes, f"{features.color_rate} colours{'' if features.packed_color else ' as floats'}"]
-    words += [
-        features.surfaces,
-        *(["lit"] if features.headlight else []),
-        *_of_lights(features),
-        *_of_materials(features),
-        features.depth_format,
-    ]
-    name, path = technique.name, technique.kernel
-    if features.surfaces == "opaque":
-        name, path = "opaque", "stages/opaque.cl"  # all techniques draw these alike
-        ways = {way: value for way, value in ways.items() if way in ("precision", "samples", "background")}
-    words += [f"{way} {value}" for way, value in ways.items() if way not in IN_FEATURES]
-    words += [wanted.view.partition(",")[0]] if technique.maps else []  # lengths depend on it
-    paths = [path]
-    if request.targets is not None and name == technique.name:
-        words.append(f"atomics of {64 if gpu.long_atomics else 32} bits")
-        paths.append("stages/stream.cl")
-    parts = [
-        _part(name, words, *paths),
-        _part("projection", [with_lanes, wanted.view], "stages/setup.cl"),
-        *([_part("clipping", [with_lanes, wanted.view], "stages/clipping.cl")] if wanted.cut else []),
-        *([_part("layers", words, "stages/find_layers.cl", "stages/windows.cl")] if request.picture.layers else []),
-    ]
-    return frozenset(parts)
-
-
-def _of_lights(features: Features) -> list[str]:
-    """What kernels do with lights, in words."""
-    words = {
-        "lights": features.lights,
-        "lights with places": features.positioned,
-        "maps": features.maps,
-        "full highlights": features.full_highlights,
-        "linear blending": features.linear,
-    }
-    return [word for word, wanted in words.items() if wanted]
-
-
-def _of_materials(features: Features) -> list[str]:
-    """What kernels do with materials, in words."""
-    words = {
-        "materials": features.materials,
-        "routed": features.routed,
-        "hiding": features.hiding,
-        "mip maps": features.levels,
-        f"{features.probes} probes": features.probes > 1,
-        "edges": features.wires,
-    }
-    return [word for word, wanted in words.items() if wanted]
-
-
-def _part(name: str, words: list[str], *paths: str) -> str:
-    return f"{name}: {', '.join(words)} [{_digest(*map(source, paths))}]"
-
-
-@remembered
-def _digest(*texts: str) -> str:
-    return key_of(*texts)[:16]
 
 
 # --- the test ---------------------------------------------------------------------------------------------------------
 
 
-def _tested(renderer: Renderer, test: _Test, tiles: int) -> tuple[Verdict, list[str]]:
-    """Draws the known layers and compares. Returns the verdict, and the notes that compiling has left."""
+def tested(
+    renderer: Renderer, request: Request, triangles: Triangles, parts: Parts, tiles: int
+) -> tuple[Verdict, list[str]]:
+    """Draws the known layers and compares. Returns the verdict, and the notes that compiling has left.
+
+    request: the picture that is about to be drawn. parts: the sets of kernels that it needs. tiles: of the picture.
+    """
+    test = _test_of(request, triangles, parts)
     tester = renderer.beside(test.wanted.scene())
     tester.gpu.least["peel_layers"] = TILE_PIXELS * tiles
     notes: list[str] = []
@@ -363,6 +157,24 @@ def _tested(renderer: Renderer, test: _Test, tiles: int) -> tuple[Verdict, list[
             return _compared(result, test, lacks(renderer.gpu))
 
     return _verdict(compare, test.parts, renderer.gpu.lanes), notes
+
+
+def counting_tested(renderer: Renderer, wanted: Wanted, parts: Parts) -> tuple[Verdict, list[str]]:
+    """Counts the known layers and compares. Returns the verdict, and no notes. parts: the kernels that count."""
+    tester = renderer.beside(wanted.scene())
+    first, size = wanted.surfaces != "transparent", (WIDTH, HEIGHT)
+    found, stack = _Comparison(), stack_of(wanted, size, first)
+
+    def compare() -> tuple[Kind, str]:
+        got = count_layers(tester.gpu, upload(tester.gpu, tester.scene), wanted.camera(), size, first)
+        for name, values, want in (
+            ("layers", got.layers, stack.transparent.sum(axis=1)),
+            ("opaque", got.opaque, stack.opaque.any(axis=1)),
+        ):
+            found.expect(name, values.astype(np.float64), want.reshape(HEIGHT, WIDTH).astype(np.float64), 0.0)
+        return ("wrong", found.wrong or found.inexact) if found.wrong or found.inexact else ("right", "")
+
+    return _verdict(compare, parts, renderer.gpu.lanes), []
 
 
 def _verdict(compare: Callable[[], tuple[Kind, str]], parts: Parts, lanes: int) -> Verdict:

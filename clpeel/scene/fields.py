@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,11 @@ PREFERENCES = ("vertex", "face")
 MAGNITUDE = -1
 """The component that stands for the length of a vector, as in f3d."""
 
+NOT_SHOWN = "arrays left out: "
+"""Notes about arrays that the picture does not show begin like this."""
 
-@dataclass(frozen=True, eq=False)
-class Field:
+
+class Field(NamedTuple):
     """One number for each vertex, [n], or for each face, line and point, [m + k + p]. Or text, for categories.
 
     of_faces: whether it is the latter. name: "" if it was given without one.

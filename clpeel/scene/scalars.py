@@ -21,7 +21,7 @@ from clpeel import checks
 from clpeel.errors import InputError
 from clpeel.pictures.colormaps import MOST_COLORS, ColorMap, checked_rgba, sampled
 from clpeel.scene.arrays import AnyArray, Colors, as_float
-from clpeel.scene.fields import Field, field_of, names_of, numbers
+from clpeel.scene.fields import NOT_SHOWN, Field, field_of, names_of, numbers
 from clpeel.scene.materials import NO_MATERIAL, Material
 from clpeel.scene.scene import Scene, with_part, with_vertex_colors
 from clpeel.scene.textures import Texture, linear
@@ -44,9 +44,6 @@ MOST_LOOKS = 64
 """Faces that differ in opacity have materials of their own, if there are at most so many: kernels draw these faster."""
 
 KINDS = ("faces", "lines", "points")
-
-NOT_SHOWN = "arrays left out: "
-"""Notes about arrays that the picture does not show begin like this."""
 
 
 class Mapped(TypedDict, total=False):
@@ -194,7 +191,7 @@ def _by_kind(scene: Scene, field: Field, names: Mapping[Any, str], notes: list[s
     order = {key: number for number, key in enumerate(names)}
     found = np.array([order.get(value.item(), np.nan) for value in values], np.float64)[place.reshape(-1)]
     if field.of_faces:
-        return replace(field, values=found)
+        return field._replace(values=found)
     codes = np.nan_to_num(found, nan=-1.0)
     a, b, c = codes[scene.faces].T
     between = np.count_nonzero((a != b) | (b != c))
@@ -203,7 +200,7 @@ def _by_kind(scene: Scene, field: Field, names: Mapping[Any, str], notes: list[s
     lines = np.zeros(0) if scene.lines is None else codes[scene.lines[:, 0]]
     points = np.zeros(0) if scene.points is None else codes[scene.points]
     own = np.concatenate([np.where(b == c, b, a), lines, points])
-    return replace(field, values=np.where(own < 0, np.nan, own), of_faces=True)
+    return field._replace(values=np.where(own < 0, np.nan, own), of_faces=True)
 
 
 # --- opacities --------------------------------------------------------------------------------------------------------
@@ -245,7 +242,7 @@ def _opacities(
             f"opacity: {outside:,} numbers of {field.name or 'the array'} outside 0..1 are 0 or 1, whichever is near"
         )
     clipped = np.clip(np.nan_to_num(values), 0, 1).astype(np.float32)
-    return cmap, replace(plain, field=replace(field, values=clipped), counts=np.ones(count, bool))
+    return cmap, replace(plain, field=field._replace(values=clipped), counts=np.ones(count, bool))
 
 
 def _with_transfer(cmap: ColorMap, function: Any) -> ColorMap:
@@ -279,7 +276,7 @@ def _of_corners(scene: Scene, field: Field) -> Field:
         values = np.repeat(field.values, np.repeat([3, 2, 1], scene.counts))
     else:
         values = field.values[np.concatenate([scene.faces.reshape(-1), scene.mark_vertices])]
-    return replace(field, values=values, of_faces=False)
+    return field._replace(values=values, of_faces=False)
 
 
 # --- colours ----------------------------------------------------------------------------------------------------------

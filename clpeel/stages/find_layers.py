@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,9 @@ from clpeel.stages.outlines import Marks
 from clpeel.stages.projection import Lit, Triangles, project
 from clpeel.stages.upload import DeviceScene
 from clpeel.stages.windows import Fragments, rasterize
-from clpeel.stages.wires import Wired
+
+if TYPE_CHECKING:
+    from clpeel.stages.wires import Wired
 
 STAGE = "layers"
 

@@ -13,7 +13,6 @@ from clpeel.stages.binning import Batch
 from clpeel.stages.many_passes import PassRules, peel
 from clpeel.stages.one_pass import draw_once
 from clpeel.stages.opaque import draw_opaque
-from clpeel.stages.passes import Peeler, add_up
 from clpeel.stages.tiles import Canvas, Drawn
 
 
@@ -67,6 +66,8 @@ class Frame(Canvas):
         takes their place.
         """
         if self.targets is not None:
+            from clpeel.stages.passes import add_up  # few pictures are drawn by passes
+
             return add_up(self, batch, kernel, constants, self.targets)
         bounds, numbers = _bounded(max_error, parameters)
         return draw_once(self, batch, kernel, {**constants, **bounds}, scratch_bytes, numbers)
@@ -89,6 +90,8 @@ class Frame(Canvas):
         bounds, numbers = _bounded(options.max_error, parameters)
         defines = {**(constants or {}), **bounds, **options.constants}
         if self.targets is not None:
+            from clpeel.stages.passes import Peeler
+
             peeler = Peeler(self, kernel, options, defines, self.targets, first_passes, numbers)
             return peeler.draw(batch)
         return peel(self, batch, kernel, options, defines, first_passes, layers_a_pass, numbers)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,7 @@ JOINED_FACES = np.array([[2, 0, 5], [2, 5, 7], [2, 7, 6], [2, 6, 1], [2, 3, 4], 
 """The triangles of a segment without and with joints, by its corners: those of one end, and then those of the other."""
 
 
-@dataclass(frozen=True)
-class Length:
+class Length(NamedTuple):
     """A width or size: in samples of a pixel's height, or in scene units."""
 
     value: float
@@ -52,8 +52,7 @@ class Length:
         return (half / camera.distance, 0.0) if camera.orthographic else (0.0, half / near)
 
 
-@dataclass(frozen=True)
-class Marks:
+class Marks(NamedTuple):
     """How lines and points are drawn."""
 
     line_width: Length = Length(1.0)
@@ -65,8 +64,7 @@ PLAIN_MARKS = Marks()
 """Lines a sample wide, and points that are squares of one sample."""
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(NamedTuple):
     """What a point's outline is: a polygon with so many sides.
 
     ball: it has a corner in the middle, too, and normals of a ball. simplified: whether it is a square because there

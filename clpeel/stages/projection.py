@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyopencl as cl
@@ -31,7 +32,9 @@ from clpeel.scene.lights import Lamp
 from clpeel.stages.lighting import packed_lights, positioned
 from clpeel.stages.outlines import PLAIN_MARKS, Length, Marks
 from clpeel.stages.upload import DeviceScene
-from clpeel.stages.wires import NOTHING, Seen, Wired, see_edges
+
+if TYPE_CHECKING:
+    from clpeel.stages.wires import Seen, Wired
 
 STAGE = "projection"
 BOUNDS_BYTES = 8
@@ -44,6 +47,9 @@ LEAST_WINDOW_SHARE = 2.0**-40
 
 If the scene takes no larger share of the given range, its window depths are all equal in any format.
 """
+
+NO_EDGES: Arguments = {"wiring": None, "wire_lists": None, "wires": None}
+"""The kernel arguments where no edges are drawn."""
 
 PLANE_SLACK = 2.0**-22
 """How far the clipping planes lie outside their depths: relative to the depth, or to the range in parallel projection.
@@ -101,7 +107,7 @@ class Triangles:
             "materials": self.scene.materials,
             "textures": self.scene.textures,
             "lighting": self.lighting,
-            **(NOTHING if self.seen is None else self.seen.shading),
+            **(NO_EDGES if self.seen is None else self.seen.shading),
         }
 
     @property
@@ -406,6 +412,8 @@ def _see_edges(
 ) -> Seen:
     """Finds the edges that are drawn. one_sided: whether no face is seen from behind."""
     flat, by_depth = wired.wires.width.half(camera, view.height, view.clipping[0])
+    from clpeel.stages.wires import see_edges  # few pictures have edges
+
     return see_edges(
         gpu,
         setup_kernels(gpu, scene, "stages/wires.cl"),

@@ -36,11 +36,6 @@ class Wanted:
     angle: float | None = None
     outlines: bool = False
 
-    @property
-    def any(self) -> bool:
-        """Whether there are any."""
-        return self != Wanted()
-
 
 @dataclass(frozen=True)
 class Wires:
@@ -204,10 +199,6 @@ class Seen:
     def nbytes(self) -> int:
         """Bytes of the edges, and of what bands add."""
         return self.edges.nbytes + (WIRE.itemsize + VERTEX.itemsize * BAND_CORNERS + 12 * BAND_TRIANGLES) * self.bands
-
-
-NOTHING: Arguments = {"wiring": None, "wire_lists": None, "wires": None}
-"""The kernel arguments where no edges are drawn."""
 
 
 def see_edges(

@@ -21,11 +21,11 @@ from clpeel.pictures.encode import encode
 from clpeel.pictures.formats import EIGHT_BITS, chosen
 from clpeel.pictures.scale_bar import draw_scale_bar
 from clpeel.pictures.shown import Shown
+from clpeel.rendering.checking import check_counting
 from clpeel.rendering.estimates import estimated_seconds
 from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
 from clpeel.rendering.renderer import Renderer
 from clpeel.rendering.request import Progress, check_picture_fits, marks_of
-from clpeel.rendering.self_test import check_counting
 from clpeel.scene.camera import Camera, GivenCamera, checked_camera
 from clpeel.scene.scene import Scene
 from clpeel.stages.counting import Counted, count_layers

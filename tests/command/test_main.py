@@ -1035,6 +1035,24 @@ def test_help_needs_no_options_of_commands(capfd: Any) -> None:
     assert done.stdout.endswith("\nFalse\n")
 
 
+NOT_NEEDED = (
+    "trimesh numpy.ma difflib tomllib clpeel.rendering.self_test clpeel.rendering.known_layers "
+    "clpeel.rendering.hidden_edges clpeel.stages.wires clpeel.stages.find_layers clpeel.stages.passes "
+    "clpeel.stages.windows clpeel.scene.edges clpeel.scene.scalars clpeel.scene.grid clpeel.reading.libraries "
+    "clpeel.pictures.colormaps clpeel.pictures.layers clpeel.command.scene_file clpeel.command.write_scene"
+).split()
+"""What a plain picture does without. Each of them takes a millisecond or more of a command's start, numpy.ma 20."""
+
+
+def test_a_plain_picture_imports_nothing_that_it_does_not_need(mesh: Path, tmp_path: Path) -> None:
+    check = "import sys; from clpeel.command.main import main; main(sys.argv[1:]); print(*sys.modules)"
+    command = [*PYTHON, "-c", check, "render", str(mesh), "-o", str(tmp_path / "a.png"), "--resolution", "32,32"]
+    subprocess.run(command, capture_output=True, check=True)  # the kernels are tested once
+    modules = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert "clpeel.rendering.checking" in modules
+    assert not {*NOT_NEEDED} & {*modules}
+
+
 # --- light ------------------------------------------------------------------------------------------------------------
 
 

@@ -138,3 +138,31 @@ def test_processes_side_by_side_lose_nothing(file: Path) -> None:
     assert [process.wait(60) for process in running] == [0, 0, 0]
     known = read(file)
     assert len(known.good) == 600
+
+
+def test_a_long_file_is_cut_to_its_last_verdicts(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each process reads all of it, so it must not grow with every version of the kernels."""
+
+    class Folder:
+        folder = file.parent
+
+    class Device:
+        int_ptr = 1
+
+    def known() -> Verdicts:
+        monkeypatch.setattr(verdicts, "_known", {})
+        return verdicts.verdicts_of(Device())  # type: ignore[arg-type]
+
+    monkeypatch.setattr(verdicts, "cache_of", lambda device: Folder)
+    monkeypatch.setattr(verdicts, "_KEPT", 3)
+    monkeypatch.setattr(verdicts, "_MOST", 6)
+    parts = [frozenset({f"sort: lanes 1, kind {k} [aaaa]"}) for k in range(7)]
+    for count, each in enumerate(parts, 1):
+        known().keep(verdict(each))
+        assert len([line for line in verdicts._lines(file) if line]) == count
+    first = known()
+    assert all(first.of(each) for each in parts), "it has read them before it cuts the file"
+    assert [known().of(each) is not None for each in parts] == [False] * 4 + [True] * 3
+    known().keep(verdict(parts[0], "wrong", "a bad day"))
+    found = known().of(parts[0])
+    assert found is not None and found.kind == "wrong"

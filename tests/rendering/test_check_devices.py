@@ -14,7 +14,7 @@ from clpeel.command import main as cli
 from clpeel.device.devices import list_devices
 from clpeel.rendering import check_devices as checking
 from clpeel.rendering.check_devices import Checked, check_devices, kinds_to_check
-from clpeel.rendering.self_test import WrongPictureError
+from clpeel.rendering.checking import WrongPictureError
 from clpeel.rendering.warm_up import Kind
 from clpeel.techniques import TECHNIQUES
 

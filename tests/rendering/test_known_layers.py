@@ -10,7 +10,7 @@ import pytest
 from twins import reference, soups
 
 from clpeel.device.layout import Features
-from clpeel.rendering import known_layers
+from clpeel.rendering import checking, known_layers
 from clpeel.rendering.known_layers import CUT, FACES, HEIGHT, NEAR, SHOWN, WIDTH, Wanted, stack_of
 from clpeel.techniques import TECHNIQUES
 
@@ -25,6 +25,11 @@ def wanted(perspective: bool = True, cut: bool = True, pairs: bool = False, rate
 def test_every_technique_has_a_known_picture() -> None:
     """A new technique either sorts, and is known, or needs an entry in SHOWN."""
     assert set(SHOWN) == set(TECHNIQUES)
+
+
+def test_no_sample_has_more_layers_than_are_told() -> None:
+    """The number is known without the layers, as these are imported only for a test."""
+    assert len([*FACES, CUT]) == checking.LAYERS
 
 
 @pytest.mark.parametrize("size", SIZES)

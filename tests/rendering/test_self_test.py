@@ -19,7 +19,7 @@ from clpeel.device.devices import open_device
 from clpeel.device.layout import Features
 from clpeel.device.verdicts import verdicts_of
 from clpeel.errors import DeviceError
-from clpeel.rendering import self_test
+from clpeel.rendering import checking, self_test
 from clpeel.rendering.known_layers import SHOWN, Wanted
 from clpeel.techniques import TECHNIQUES
 
@@ -29,7 +29,7 @@ SIZE = (40, 32)
 @pytest.fixture(autouse=True)
 def nothing_known(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """No verdict is known at first. Kernels that were compiled before are at hand."""
-    monkeypatch.delenv(self_test.SKIP, raising=False)
+    monkeypatch.delenv(checking.SKIP, raising=False)
     monkeypatch.setattr(verdicts, "_known", {})
     kept = verdicts.cache_of
 
@@ -44,14 +44,14 @@ def nothing_known(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def tested(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The kinds of the verdicts of all tests that are made."""
     kinds: list[str] = []
-    made = self_test._tested
+    made = self_test.tested
 
     def test(*arguments: Any) -> Any:
         verdict, notes = made(*arguments)
         kinds.append(verdict.kind)
         return verdict, notes
 
-    monkeypatch.setattr(self_test, "_tested", test)
+    monkeypatch.setattr(self_test, "tested", test)
     return kinds
 
 
@@ -141,7 +141,7 @@ def test_these_are_all_techniques_and_options() -> None:
     assert set(SHOWN) == set(TECHNIQUES)
     given = {name for _, _, options in PICTURES for name in options}
     known = {name for technique in TECHNIQUES.values() for name in technique.option_names}
-    assert known - given == {"hazard_order", "torn_writes", *self_test.NO_MATTER}
+    assert known - given == {"hazard_order", "torn_writes", *checking.NO_MATTER}
 
 
 @pytest.fixture
@@ -158,7 +158,7 @@ def kernels_with(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
             gpu.builds = {}  # those of the other tests are of the sources as they are
             return gpu
 
-        for module in (program, self_test):
+        for module in (program, checking):
             monkeypatch.setattr(module, "source", source)
         monkeypatch.setattr("clpeel.rendering.renderer.open_device", fresh)
 
@@ -218,10 +218,10 @@ def test_wrong_kernels_are_refused(
 
 def test_who_knows_may_skip_it(kernels_with: Callable[[str, str], None], monkeypatch: pytest.MonkeyPatch) -> None:
     kernels_with(UNDER, UNDER.replace(" + ", " - "))
-    monkeypatch.setenv(self_test.SKIP, "0")
+    monkeypatch.setenv(checking.SKIP, "0")
     with pytest.raises(DeviceError):
         picture(layers())
-    monkeypatch.setenv(self_test.SKIP, "1")
+    monkeypatch.setenv(checking.SKIP, "1")
     assert (picture(layers()).color < 0).any()
 
 
@@ -298,13 +298,13 @@ corners = np.stack([np.cos(count), np.sin(count), count / 300], axis=1)
 numbers = np.zeros((faces, 3), int)  # all but the first hundred have no area
 numbers[:100] = count.reshape(-1, 3)
 scene = clpeel.Scene.from_arrays(corners, numbers, color=(0.2, 0.5, 0.9, 0.4))
-seconds, made = [], self_test._tested
+seconds, made = [], self_test.tested
 def test(*arguments):
     begun = time.perf_counter()
     found = made(*arguments)
     seconds.append(time.perf_counter() - begun)
     return found
-self_test._tested = test
+self_test.tested = test
 renderer = clpeel.Renderer(scene)
 renderer.render(size=size, **{"background": "white", "lighting": "none", "samples": 1, **options})
 print(json.dumps([sorted(compiled()), seconds]))
@@ -357,7 +357,7 @@ def test_warm_up_leaves_verdicts(tmp_path: Path) -> None:
         "import sys, clpeel, trimesh\nfrom clpeel.rendering import self_test\n"
         "from clpeel.rendering.warm_up import warm_up\n"
         "warm_up(['layer-count'])\n"
-        "self_test._tested = lambda *_: sys.exit('it is tested')\n"
+        "self_test.tested = lambda *_: sys.exit('it is tested')\n"
         "for opacity, light in ((0.5, 'kit'), (1.0, 'kit'), (None, 'none')):\n"
         "    scene = clpeel.load(trimesh.creation.icosphere(), opacity=opacity)\n"
         "    clpeel.render(scene, size=(64, 48), technique='layer-count', lighting=light, keep_color=False)\n"

@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from clpeel.rendering.self_test import WrongPictureError
+from clpeel.rendering.checking import WrongPictureError
 from clpeel.rendering.warm_up import Kind
 from clpeel.scene.scene import Scene
 
