@@ -232,7 +232,8 @@ INLINE uint largest(VECTOR(uint) values)
 // --- a strip's elements here and there in memory --------------------------------------------------------------------
 // Places `at` are below 2^31. Memory is touched only where `present` is -1. AVX-512 has instructions for this, and AVX2
 // for gathering. Compilers find them for some elements at most, or never, so they are named here.
-#if STRIP == 16 && defined(__AVX512F__) && __has_builtin(__builtin_ia32_scattersiv8di)
+#if STRIP == 16 && defined(__AVX512VL__) && __has_builtin(__builtin_ia32_scattersiv8di) && \
+    __has_builtin(__builtin_ia32_cmpd256_mask)
 #define AVX512 1
 #else
 #define AVX512 0
@@ -247,9 +248,11 @@ INLINE uint largest(VECTOR(uint) values)
 INLINE void scatter(global ulong *to, VECTOR(uint) at, VECTOR(int) present, VECTOR(ulong) value)
 {
 #if AVX512
-    uint bits = BITS_OF(present);
-    __builtin_ia32_scattersiv8di((void *)(size_t)to, bits & 0xFF, as_int8(at.lo), as_long8(value.lo), sizeof(ulong));
-    __builtin_ia32_scattersiv8di((void *)(size_t)to, bits >> 8, as_int8(at.hi), as_long8(value.hi), sizeof(ulong));
+    // Two masks of "not equal". To cut one of all 16 in two, compilers store it, and the next load waits for that.
+    uchar low = __builtin_ia32_cmpd256_mask(present.lo, (int8)(0), 4, -1);
+    uchar high = __builtin_ia32_cmpd256_mask(present.hi, (int8)(0), 4, -1);
+    __builtin_ia32_scattersiv8di((void *)(size_t)to, low, as_int8(at.lo), as_long8(value.lo), sizeof(ulong));
+    __builtin_ia32_scattersiv8di((void *)(size_t)to, high, as_int8(at.hi), as_long8(value.hi), sizeof(ulong));
 #else
     STRIP_LOOP for (int k = 0; k < STRIP; ++k)
         if (((const int *)&present)[k]) to[((const uint *)&at)[k]] = ((const ulong *)&value)[k];

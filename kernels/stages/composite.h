@@ -62,6 +62,33 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, const Sa
     return sum / (float)count;
 }
 
+// The means of a strip of the picture's pixels, from number q of the tile on. Four samples a pixel are added up side by side,
+// in the same order: these pixels are those of a row of four blocks.
+INLINE void means_of(local const Colors *layer, uint q, const Sampling *s, Colors *means)
+{
+#if LANES == 1 && STRIP == 16
+#define OF_BLOCKS(a, b, c, d)                                                                                   \
+    ((float16)(v[0].a, v[0].b, v[1].a, v[1].b, v[2].a, v[2].b, v[3].a, v[3].b, v[0].c, v[0].d, v[1].c, v[1].d,   \
+               v[2].c, v[2].d, v[3].c, v[3].d))
+    if (s->columns == 1 && s->rows == 1) {
+        local const Colors *blocks = layer + q / STRIP * BLOCKS_A_ROW;
+        UNROLL for (uint c = 0; c < 4; ++c) {
+            float16 v[BLOCKS_A_ROW];
+            UNROLL for (uint k = 0; k < BLOCKS_A_ROW; ++k) v[k] = (&blocks[k].red)[c];
+            float16 sum = 0.0f + OF_BLOCKS(s0, s2, s8, sa);
+            sum += OF_BLOCKS(s1, s3, s9, sb), sum += OF_BLOCKS(s4, s6, sc, se), sum += OF_BLOCKS(s5, s7, sd, sf);
+            (&means->red)[c] = sum * 0.25f;
+        }
+        return;
+    }
+#endif
+    PLAIN_LOOP for (uint k = 0; k < STRIP; ++k) {
+        float4 mean = mean_of(layer, (q + k) & ((1u << s->across) - 1), (q + k) >> s->across & ((1u << s->down) - 1), s);
+        SET_ELEMENT(float, means->red, k, mean.x), SET_ELEMENT(float, means->green, k, mean.y);
+        SET_ELEMENT(float, means->blue, k, mean.z), SET_ELEMENT(float, means->alpha, k, mean.w);
+    }
+}
+
 // --- what a technique finds besides colours -------------------------------------------------------------------------
 // BOUNDED: layers are skipped once the transmittance in front of them is parameters[0] or less. Then a technique also
 // finds, for each sample, the most that the skipped layers could have changed in any channel: the transmittance in
@@ -144,12 +171,9 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
     for (uint q = LANE_IN(tile) * STRIP; q < pixels; q += LANES * STRIP) {
         // A strip of the picture's pixels: those of a block where pixels are samples, else those of the tile row by
         // row.
-        Colors pixel = layer[q / STRIP];
-        PLAIN_LOOP for (uint k = 0; s->columns && k < STRIP; ++k) {
-            float4 mean = mean_of(layer, (q + k) & ((1u << s->across) - 1), (q + k) >> s->across & ((1u << s->down) - 1), s);
-            SET_ELEMENT(float, pixel.red, k, mean.x), SET_ELEMENT(float, pixel.green, k, mean.y);
-            SET_ELEMENT(float, pixel.blue, k, mean.z), SET_ELEMENT(float, pixel.alpha, k, mean.w);
-        }
+        Colors pixel;
+        if (s->columns) means_of(layer, q, s, &pixel);
+        else pixel = layer[q / STRIP];
         VECTOR(float) alpha = 1.0f - pixel.alpha;
         VECTOR(float) red = (VECTOR(float))(first.x), green = (VECTOR(float))(first.y), blue = (VECTOR(float))(first.z);
         PLAIN_LOOP for (uint k = 0; gradient && k < STRIP; ++k) {
