@@ -486,6 +486,7 @@ INLINE void emit_tile(const Batch *batch, const Shading *shading, uint tile, uin
         asked_for = MIN(place + WIDE, list_end);
         prefetch_faces(batch->triangles, batch->pairs, place, asked_for, shading);
     }
+    if (!all) continue;  // before anything is done for a face that is nowhere in front
     if (LANES > 1 || place != prepared) face_of(t, batch->pairs[place], shading, &face), prepared = place;
 #if BEHIND
     if (!IS_WIRED(&face)) continue;
