@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from clpeel.checks import Background, GivenBackground, whole_number
 from clpeel.device.layout import PointType
 from clpeel.errors import InputError
-from clpeel.options import Options, options_of
 from clpeel.pictures.layers import Layers
 from clpeel.pictures.png import STEP
 from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
@@ -56,6 +55,8 @@ def compare(
 ) -> Comparison:
     """Draw the view with every technique, and compare the pictures with the truth and the times with each other.
 
+    Techniques are drawn with the defaults of their options, and with those that they are known for besides
+    (`Technique.compared`).
     techniques: names in `clpeel.techniques.TECHNIQUES`; by default all that make this picture and not a map.
     precisions: names of the precisions of the colour buffers; by default float32 and the one of the technique's paper.
     budgets: numbers of `passes` to stop after. For techniques with that option, each budget adds a row to the one
@@ -126,13 +127,19 @@ class Trial:
             budget=self.options.get("passes"),
             exact=self.technique.exact,
             seconds=tuple(self.seconds),
+            options=self.own,
             **self.found,
         )
 
     @property
+    def own(self) -> dict[str, Any]:
+        """The options besides the precision and the budget."""
+        return {name: value for name, value in self.options.items() if name not in ("precision", "passes")}
+
+    @property
     def name(self) -> str:
         """The same name as the row's."""
-        return named(self.technique.name, self.options.get("precision"), self.options.get("passes"))
+        return named(self.technique.name, self.options.get("precision"), self.options.get("passes"), self.own)
 
 
 def _chosen(name: str, values: Iterable[str] | None, known: Sequence[str]) -> list[str]:
@@ -164,32 +171,38 @@ def check_choice(
 def trials_of(
     names: Iterable[str], precisions: Sequence[str] | None, budgets: Sequence[int]
 ) -> tuple[list[Trial], list[str]]:
-    """Return the trials: techniques x precisions x budgets, where the technique has that option. Also return notes.
+    """Return the trials: techniques x their compared options x precisions x budgets. Also return notes.
 
-    A note says why a technique refuses a budget.
+    A technique has the precisions and budgets if it has that option. Where the compared options name one themselves,
+    that one holds. A note says why a technique refuses a budget.
     """
-    trials, notes = [], []
+    trials: list[Trial] = []
+    notes = []
     for technique in map(TECHNIQUES.__getitem__, names):
         own: Sequence[str | None] = [None]
         if issubclass(technique.options, Blending):
             own = precisions or list(dict.fromkeys((DEFAULT_PRECISION, technique.paper_precision)))
         peels = "passes" in technique.option_names
-        for precision, budget in product(own, [None, *budgets] if peels else [None]):
+        for options, precision, budget in product(compared(technique), own, [None, *budgets] if peels else [None]):
             asked = {"precision": precision, "passes": budget}
-            trial = Trial(technique, {name: value for name, value in asked.items() if value is not None})
-            refusal = None if budget is None else refused(technique.options, budget)
-            if refusal is None:
-                trials.append(trial)
-            else:
+            trial = Trial(technique, {name: value for name, value in asked.items() if value is not None} | options)
+            refusal = refused(trial)
+            if refusal is not None:
                 notes.append(f"left out: {trial.name}: {refusal}")
+            elif all((trial.technique, trial.options) != (other.technique, other.options) for other in trials):
+                trials.append(trial)
     return trials, notes
 
 
-def refused(options: type[Options], passes: int) -> InputError | None:
-    """Return why a technique cannot stop after so many passes, or None if it can. It may have a limit of its own."""
-    (limit,) = (each for each in options_of(options) if each.name == "passes")
+def compared(technique: AnyTechnique) -> list[dict[str, object]]:
+    """Return the options with which a technique is compared: the defaults, and those that it says itself."""
+    return [{}, *(dict(options.given()) for options in technique.compared())]
+
+
+def refused(trial: Trial) -> InputError | None:
+    """Return why a technique cannot be drawn with these options, or None if it can. It may have limits of its own."""
     try:
-        limit.checked(passes)
+        trial.technique.options(**trial.options)
     except InputError as error:
         return error
     return None

@@ -7,7 +7,8 @@ import io
 import json
 import math
 import statistics
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,7 @@ FIGURES = (
     "truncated_pixels",
     "truncation_bound",
     "clamped_pixels",
+    "options",
 )
 """The figures of a row that files contain: names of fields and properties of `Row`."""
 
@@ -62,6 +64,7 @@ class Row:
     share of pixels with a channel that is off by more than 1/255 or 8/255. flip: the mean of FLIP (Andersson et al.
     2020) between the 8-bit pictures, from 0 (alike) to 1, or None if flip-evaluator is not installed.
     truncated_pixels, truncation_bound, clamped_pixels: as in `Result.stats`.
+    options: the technique's other options that are not at their defaults, by name, such as {"slots": 8}.
     image: uint8 [height, width, 4]. error: float32 [height, width], the greatest of a pixel's channels. Both are None
     unless pictures were asked for.
     """
@@ -83,13 +86,14 @@ class Row:
     truncated_pixels: int
     truncation_bound: float
     clamped_pixels: int
+    options: Mapping[str, Any] = field(default_factory=dict)
     image: NDArray[np.uint8] | None = None
     error: NDArray[np.float32] | None = None
 
     @property
     def name(self) -> str:
         """The technique with its options, such as `weighted-sum, half` or `depth-peeling, passes 4`."""
-        return named(self.technique, self.precision, self.budget)
+        return named(self.technique, self.precision, self.budget, self.options)
 
     @property
     def seconds_median(self) -> float:
@@ -215,7 +219,7 @@ class Comparison:
         writer = csv.DictWriter(file, [*FIGURES, "on_front"], lineterminator="\n")
         writer.writeheader()
         for row, on in zip(self.rows, self.front(), strict=True):
-            writer.writerow({**row.figures(), "on_front": on})
+            writer.writerow({**row.figures(), "options": texts(row.options), "on_front": on})
         return file.getvalue()
 
     def to_html(self, title: str = "clpeel compare") -> str:
@@ -236,10 +240,15 @@ class Interrupted(KeyboardInterrupt):
         self.comparison = comparison
 
 
-def named(technique: str, precision: str | None, budget: int | None) -> str:
+def named(technique: str, precision: str | None, budget: int | None, options: Mapping[str, object]) -> str:
     """Return `Row.name`. The default precision, float32, is not mentioned."""
     told = ["" if precision in (None, DEFAULT_PRECISION) else precision, "" if budget is None else f"passes {budget}"]
-    return ", ".join([technique, *filter(None, told)])
+    return ", ".join([technique, *filter(None, (texts(options), *told))])
+
+
+def texts(options: Mapping[str, object]) -> str:
+    """Return options as text, such as `slots 8`."""
+    return ", ".join(f"{name} {value}" for name, value in options.items())
 
 
 def shown(color: NDArray[np.floating], background: Background) -> NDArray[np.float64]:

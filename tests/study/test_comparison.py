@@ -36,6 +36,7 @@ from clpeel.study.comparison import FIGURES, FLIP_HINT, Comparison, Row, shown
 from clpeel.study.page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
 from clpeel.study.tables import COLUMNS
 from clpeel.techniques import TECHNIQUES
+from clpeel.techniques.multi_layer_peeling import MultiLayerOptions, MultiLayerPeeling
 from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, blending_bound
 
 if TYPE_CHECKING:
@@ -248,6 +249,75 @@ def test_a_budget_that_a_technique_refuses_is_said() -> None:
     )
 
 
+# --- rows with options ------------------------------------------------------------------------------------------------
+
+
+def also(monkeypatch: pytest.MonkeyPatch, *options: Any) -> None:
+    """Multi-layer peeling is compared with these options, too."""
+    monkeypatch.setattr(MultiLayerPeeling, "compared", lambda self: options)
+
+
+def test_rows_with_options(soup: soups.Soup, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of `compared`, times precisions and budgets. Rows have the pictures that render makes with their options."""
+    also(monkeypatch, MultiLayerOptions(layers_per_pass=2), MultiLayerOptions(coincident="paper", layers_per_pass=3))
+    comparison = clpeel.compare(
+        soup.scene(), BENCH.camera(), SIZE, ["sort", "multi-layer-peeling"], budgets=[1], frames=1, pictures=True
+    )
+    tails = ["", ", passes 1", ", unorm8", ", unorm8, passes 1"]
+    named = [
+        "multi-layer-peeling" + own for own in ("", ", layers_per_pass 2", ", coincident paper, layers_per_pass 3")
+    ]
+    assert [row.name for row in comparison.rows] == ["sort", *(name + tail for name in named for tail in tails)]
+    assert comparison.notes == ()
+    for row in comparison.rows[1:]:
+        asked = {"precision": row.precision, "passes": row.budget, **row.options}
+        result = plainly.render(soup.scene(), BENCH.camera(), SIZE, row.technique, **asked)
+        assert (row.image == result.image).all() and row.passes == result.stats.passes, row.name
+    rows = by_name(comparison)
+    two, eight = (rows[f"{name}, passes 1"] for name in (named[1], named[0]))
+    assert two.rms_error > eight.rms_error and two.bytes_per_pixel == eight.bytes_per_pixel - 6 * 8
+    entries = json.loads(comparison.to_json())["rows"]
+    assert entries[0]["options"] == entries[1]["options"] == {}
+    assert entries[-1]["options"] == {"coincident": "paper", "layers_per_pass": 3}
+    lines = list(csv.DictReader(io.StringIO(comparison.to_csv())))
+    assert [line["options"] for line in lines[4:6]] == ["", "layers_per_pass 2"]
+    assert "multi-layer-peeling, layers_per_pass 2, unorm8" in comparison.to_html()
+
+
+def test_options_that_a_budget_does_not_go_with_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    also(monkeypatch, MultiLayerOptions(hazard_window=3))
+    comparison = clpeel.compare(
+        stack(0.5, 0.5), AHEAD.camera(), SIZE, ["multi-layer-peeling"], ["float32"], budgets=[2], frames=1
+    )
+    name = "multi-layer-peeling"
+    assert [row.name for row in comparison.rows] == [name, f"{name}, passes 2", f"{name}, hazard_window 3"]
+    assert comparison.notes == (
+        "left out: multi-layer-peeling, hazard_window 3, passes 2: passes: expected none with hazard_window: its passes "
+        "end when nothing is written; got one",
+    )
+
+
+def test_a_precision_or_a_budget_among_the_options_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    also(monkeypatch, MultiLayerOptions(precision="half"), MultiLayerOptions(passes=3), MultiLayerOptions())
+    rows = clpeel.compare(
+        stack(0.5, 0.5), AHEAD.camera(), SIZE, ["multi-layer-peeling"], ["float32"], budgets=[2], frames=1
+    ).rows
+    assert [(row.precision, row.budget, row.options) for row in rows] == [
+        ("float32", None, {}),
+        ("float32", 2, {}),
+        ("half", None, {}),
+        ("half", 2, {}),
+        ("float32", 3, {}),
+    ]
+
+
+def test_options_of_all_techniques_are_their_own() -> None:
+    """What a technique is compared with is what it can be drawn with, and differs from its defaults."""
+    for technique in TECHNIQUES.values():
+        for options in technique.compared():
+            assert isinstance(options, technique.options) and dict(options.given()), technique.name
+
+
 def test_memory_is_that_of_the_technique_alone(soup: soups.Soup) -> None:
     alone = clpeel.compare(soup.scene(), BENCH.camera(), SIZE, ["weighted-sum"], ["half"], frames=1)
     beside = clpeel.compare(soup.scene(), BENCH.camera(), SIZE, budgets=[1], frames=1)
@@ -413,7 +483,8 @@ def test_csv_and_json_give_the_figures_back(compared: Comparison) -> None:
     assert found["size"] == list(SIZE) and found["layers_max"] == compared.layers_max and found["format"] == 1
     assert len(table) == len(found["rows"]) == len(compared.rows)
     for row, line, entry, on in zip(compared.rows, table, found["rows"], compared.front(), strict=True):
-        assert line == {**{k: "" if v is None else str(v) for k, v in row.figures().items()}, "on_front": str(on)}
+        figures = {**row.figures(), "options": ""}
+        assert line == {**{k: "" if v is None else str(v) for k, v in figures.items()}, "on_front": str(on)}
         psnr = None if row.psnr == math.inf else row.psnr
         assert entry == {**row.figures(), "psnr": psnr, "on_front": on, "seconds": list(row.seconds)}
     assert float(table[1]["rms_error"]) == compared.rows[1].rms_error and table[-1]["psnr"] == "inf"
