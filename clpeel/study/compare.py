@@ -28,6 +28,9 @@ from clpeel.techniques.peeling import MAX_PASSES
 from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, Blending
 
 MOST_FRAMES = 10_000
+LEFT_OUT = "left out, as they make maps and not this picture: " + ", ".join(
+    made.name for made in TECHNIQUES.values() if made.maps
+)
 HOST_BYTES = 8 * 4 * 3
 """Host memory of a pixel, in bytes, approximately: the truth and the arrays it is computed from, all float64."""
 
@@ -70,9 +73,6 @@ def compare(
     Raises InputError if any of these is invalid. Raises Interrupted, a KeyboardInterrupt with the finished rows, on
     Ctrl-C.
     """
-    names, chosen_precisions = check_choice(techniques, precisions)
-    limits = sorted({whole_number("budgets", budget, MAX_PASSES) for budget in budgets})
-    frames = whole_number("frames", frames, MOST_FRAMES)
     picture = PictureOptions(
         size=size,
         background=background,
@@ -85,15 +85,15 @@ def compare(
     )
     if picture.over is None:
         raise InputError("background: expected 3 numbers 0..1, as errors are of the picture over it; got None")
+    frames = whole_number("frames", frames, MOST_FRAMES)
+    trials, notes = chosen_trials(techniques, precisions, budgets)
     check_picture_fits(picture.size, HOST_BYTES)
-    trials, notes = trials_of(names, chosen_precisions, limits)
     camera = checked_camera(scene, camera, picture.size[0] / picture.size[1])
     bench = _Bench(scene, camera, picture, device, lanes, progress, 1 + len(trials) * (2 + frames))
     comparison, own_notes = bench.truth()
-    skipped = [made.name for made in TECHNIQUES.values() if made.maps and techniques is None]
     notes = [*own_notes, *notes]
-    if skipped:
-        notes.append(f"left out, as they make maps and not this picture: {', '.join(skipped)}")
+    if techniques is None:
+        notes.append(LEFT_OUT)
     try:
         bench.measure(trials, comparison, frames, pictures)
     except KeyboardInterrupt:
@@ -142,7 +142,7 @@ class Trial:
         return named(self.technique.name, self.options.get("precision"), self.options.get("passes"), self.own)
 
 
-def _chosen(name: str, values: Iterable[str] | None, known: Sequence[str]) -> list[str]:
+def chosen_names(name: str, values: Iterable[str] | None, known: Sequence[str]) -> list[str]:
     """Return the known names that are among the values, in their known order. None means all. Raises InputError."""
     if isinstance(values, str):
         values = [values]
@@ -155,6 +155,14 @@ def _chosen(name: str, values: Iterable[str] | None, known: Sequence[str]) -> li
     return [value for value in known if value in asked]
 
 
+def chosen_trials(
+    techniques: Iterable[str] | None, precisions: Iterable[str] | None, budgets: Iterable[int]
+) -> tuple[list[Trial], list[str]]:
+    """Return the trials of what `compare` is asked for, and notes (trials_of). Raises InputError if it cannot be."""
+    names, chosen_precisions = check_choice(techniques, precisions)
+    return trials_of(names, chosen_precisions, sorted({whole_number("budgets", n, MAX_PASSES) for n in budgets}))
+
+
 def check_choice(
     techniques: Iterable[str] | None, precisions: Iterable[str] | None
 ) -> tuple[list[str], list[str] | None]:
@@ -164,8 +172,8 @@ def check_choice(
     Raises InputError if a name is not known, or if a list is empty.
     """
     comparable = [made.name for made in TECHNIQUES.values() if not made.maps]
-    names = _chosen("techniques", techniques, comparable)
-    return names, None if precisions is None else _chosen("precisions", precisions, list(PRECISIONS))
+    names = chosen_names("techniques", techniques, comparable)
+    return names, None if precisions is None else chosen_names("precisions", precisions, list(PRECISIONS))
 
 
 def trials_of(

@@ -21,7 +21,7 @@ DRAGON_COLOR, DRAGON_OPACITY = (0.9, 0.3, 0.2), 0.6
 
 AHEAD = Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0))
 ABOVE = Camera((1.9, 1.8, 4.3), (0.0, -0.05, 0.0))
-ASLANT = Camera((2.1, 2.0, 4.9), (0.0, 0.0, 0.0))
+ASLANT = Camera((2.25, 2.1, 5.2), (0.0, -0.08, 0.0))
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,21 @@ def models_folder(given: str | os.PathLike[str] | None) -> Path | None:
     return Path(shared) / "models" if shared else None
 
 
+def dragon_file(folder: Path | None) -> Path:
+    """Return the path of the dragon's file. Raises InputError if it is not there."""
+    if folder is None:
+        raise InputError(f"dragon: expected a folder that has {DRAGON}, by --models or models=, got none")
+    path = folder / DRAGON
+    if not path.is_file():
+        raise InputError(f"dragon: expected {DRAGON} in the folder of models, got none in '{folder}'")
+    return path
+
+
 def dragon_scene(folder: Path | None) -> Scene:
     """Return the dragon. Raises InputError if its file is not there, or damaged."""
     from clpeel.reading.load import load
 
-    if folder is None:
-        raise InputError(f"expected a folder that has {DRAGON} (--models), got none")
-    path = folder / DRAGON
-    if not path.is_file():
-        raise InputError(f"expected {DRAGON} in the folder of models (--models), got none in '{folder}'")
-    return load(path, color=DRAGON_COLOR, opacity=DRAGON_OPACITY)
+    return load(dragon_file(folder), color=DRAGON_COLOR, opacity=DRAGON_OPACITY)
 
 
 def standard_scenes(folder: Path | None) -> dict[str, StandardScene]:

@@ -31,9 +31,10 @@ import clpeel
 from clpeel.command import main as cli
 from clpeel.pictures.png import STEP
 from clpeel.rendering.renderer import Renderer
+from clpeel.study.chart import CHARACTER, HEIGHT, LINE, WIDTH, place_labels
 from clpeel.study.compare import flip_error, judged
 from clpeel.study.comparison import FIGURES, FLIP_HINT, Comparison, Row, shown
-from clpeel.study.page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
+from clpeel.study.page import heat
 from clpeel.study.tables import COLUMNS
 from clpeel.techniques import TECHNIQUES
 from clpeel.techniques.multi_layer_peeling import MultiLayerOptions, MultiLayerPeeling
@@ -258,7 +259,7 @@ def also(monkeypatch: pytest.MonkeyPatch, *options: Any) -> None:
 
 
 def test_rows_with_options(soup: soups.Soup, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each of `compared`, times precisions and budgets. Rows have the pictures that render makes with their options."""
+    """Each of `compared`, times precisions and budgets. Rows show what render makes with their options."""
     also(monkeypatch, MultiLayerOptions(layers_per_pass=2), MultiLayerOptions(coincident="paper", layers_per_pass=3))
     comparison = clpeel.compare(
         soup.scene(), BENCH.camera(), SIZE, ["sort", "multi-layer-peeling"], budgets=[1], frames=1, pictures=True
@@ -292,8 +293,8 @@ def test_options_that_a_budget_does_not_go_with_are_said(monkeypatch: pytest.Mon
     name = "multi-layer-peeling"
     assert [row.name for row in comparison.rows] == [name, f"{name}, passes 2", f"{name}, hazard_window 3"]
     assert comparison.notes == (
-        "left out: multi-layer-peeling, hazard_window 3, passes 2: passes: expected none with hazard_window: its passes "
-        "end when nothing is written; got one",
+        "left out: multi-layer-peeling, hazard_window 3, passes 2: passes: expected none with hazard_window: its "
+        "passes end when nothing is written; got one",
     )
 
 
@@ -496,8 +497,8 @@ def test_the_page_is_whole_and_needs_nothing_else(compared: Comparison) -> None:
     text = compared.to_html('<dragon> & "friends"')
     page = ElementTree.fromstring(text.partition("\n")[2])
     assert text.startswith("<!DOCTYPE html>\n")
-    assert not re.search(r"https?:|url\(|@import|<script|<link|href", text)
-    images = [node.get("src", "") for node in page.iter("img")]
+    assert not re.search(r"https?:|url\(|@import|<script [^>]*src|<link|href", text)
+    images = [source for node in page.iter("img") if (source := node.get("src"))]
     assert all(source.startswith("data:image/png;base64,") for source in images)
     pictures = [np.asarray(Image.open(io.BytesIO(base64.b64decode(s.partition(",")[2])))) for s in images]
     assert (pictures[0] == compared.truth_image()[..., :3]).all()
