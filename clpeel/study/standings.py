@@ -160,7 +160,7 @@ class SuiteComparison:
 
     def rank_cells(self) -> list[list[str]]:
         """Return of each row its name, and for each scene its ranks by time and by error, as `3/1`."""
-        return [[f"  {name}", *(rank_text(each.ranks.get(name)) for each in self.chapters)] for name in self.names]
+        return [[name, *(rank_text(each.ranks.get(name)) for each in self.chapters)] for name in self.names]
 
     def legend(self) -> list[str]:
         """Return what the tables' numbers mean, one line each."""
