@@ -190,7 +190,9 @@ def test_smoke_is_64_sheets_and_leaves_are_cut_out(scenes: dict[str, clpeel.Scen
 def test_shells_are_closed_and_some_touch(scenes: dict[str, clpeel.Scene]) -> None:
     """Each directed edge has its opposite, so every part is a closed surface; and two parts share a plane."""
     scene = scenes["shells"]
-    _, merged = np.unique(scene.vertices + 0.0, axis=0, return_inverse=True)  # on the axis, a part has many in one place
+    _, merged = np.unique(
+        scene.vertices + 0.0, axis=0, return_inverse=True
+    )  # on the axis, a part has many in one place
     faces = merged.reshape(-1)[scene.faces]
     edges = np.concatenate([faces[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]).astype(np.int64)
     forth, back = edges @ [1 << 32, 1], edges @ [1, 1 << 32]
