@@ -297,6 +297,7 @@ class _Bench:
         for trial in trials:
             result = self._judged(f"{trial.name}: its error", trial.technique, **trial.options)
             trial.found = judged(result, right, right_image, comparison.background, pictures)
+            trial.found["opacity_bias"] = opacity_bias(result.color, comparison.truth)
             del result
             self._time(trial, 0, frames)
             self._time(trial, 1, frames)
@@ -327,6 +328,15 @@ def true_colors(layers: Layers) -> NDArray[np.float64]:
         source[:, :3] *= alpha
         color[pixels] = source + (1 - alpha) * color[pixels]
     return color.reshape(height, width, 4)
+
+
+def opacity_bias(color: NDArray[np.float32], truth: NDArray[np.float64]) -> float:
+    """Return how much too opaque the pixels are, on average: the mean of alpha, clamped to 0..1, less the truth's.
+
+    NaN counts as 1.
+    """
+    alpha = np.clip(np.nan_to_num(color[..., 3].astype(np.float64), nan=1.0), 0, 1)
+    return float(np.mean(alpha - truth[..., 3]))
 
 
 def flip_error(truth: NDArray[np.uint8], image: NDArray[np.uint8]) -> float | None:

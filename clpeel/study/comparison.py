@@ -44,6 +44,7 @@ FIGURES = (
     "truncated_pixels",
     "truncation_bound",
     "clamped_pixels",
+    "opacity_bias",
     "options",
 )
 """The figures of a row that files contain: names of fields and properties of `Row`."""
@@ -66,6 +67,7 @@ class Row:
     share of pixels with a channel that is off by more than 1/255 or 8/255. flip: the mean of FLIP (Andersson et al.
     2020) between the 8-bit pictures, from 0 (alike) to 1, or None if flip-evaluator is not installed.
     truncated_pixels, truncation_bound, clamped_pixels: as in `Result.stats`.
+    opacity_bias: how much too opaque the pixels are, on average: the mean of their alpha less that of the truth.
     options: the technique's other options that are not at their defaults, by name, such as {"slots": 8}.
     image: uint8 [height, width, 4]. error: float32 [height, width], the greatest of a pixel's channels. Both are None
     unless pictures were asked for.
@@ -88,6 +90,7 @@ class Row:
     truncated_pixels: int
     truncation_bound: float
     clamped_pixels: int
+    opacity_bias: float = 0.0
     options: Mapping[str, Any] = field(default_factory=dict)
     image: NDArray[np.uint8] | None = None
     error: NDArray[np.float32] | None = None

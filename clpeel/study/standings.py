@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clpeel.study.comparison import ERRORS, FIGURES, FLIP_HINT, Comparison, as_csv, unbeaten
-from clpeel.study.tables import aligned, error_text, flip_text
+from clpeel.study.tables import aligned, bias_text, error_text, flip_text
 
 REFERENCE = "sort"
 """The row whose time counts as 1."""
@@ -62,7 +62,8 @@ class Standing:
     time: the geometric mean of its time as a multiple of that of REFERENCE. rms_error: the root of the mean square
     over all scenes, pixels and channels. rms_geometric: the geometric mean of the RMS errors of the scenes, none of
     which counts as less than LEAST_ERROR. max_error: the greatest of all. flip: the mean of the scenes, or None.
-    rank_time, rank_error: the means of its ranks. In all of them, errors within what float32 rounds count as 0.
+    opacity_bias: the mean of the scenes. rank_time, rank_error: the means of its ranks. Errors within what float32
+    rounds count as 0.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Standing:
     rms_geometric: float
     max_error: float
     flip: float | None
+    opacity_bias: float
     rank_time: float
     rank_error: float
 
@@ -122,6 +124,7 @@ class SuiteComparison:
             rms_geometric=geometric_mean([max(error, LEAST_ERROR) for error in errors]),
             max_error=max(row.max_error if error > 0 else 0.0 for row, error in zip(rows, errors, strict=True)),
             flip=mean(flips) if len(flips) == len(rows) else None,
+            opacity_bias=mean([row.opacity_bias for row in rows]),
             rank_time=mean([by_time for by_time, _ in places]),
             rank_error=mean([by_error for _, by_error in places]),
         )
@@ -171,7 +174,8 @@ class SuiteComparison:
             f"{rounding:.1e}, count as none",
             f"time: geometric mean of the scenes, that of {self.reference} is 1; RMS: over all pixels of all scenes; "
             "gm RMS: geometric mean",
-            "#time, #error: means of the ranks; equals share the better rank",
+            "opacity: how much too opaque pixels are, on average; #time, #error: means of the ranks; equals share the "
+            "better rank",
             *([FLIP_HINT] if any(each.flip is None for each in self.standings) else []),
             *(f"note: {note}" for note in self.notes),
         ]
@@ -222,6 +226,7 @@ MEANS: tuple[tuple[str, Callable[[Standing], str]], ...] = (
     ("gm RMS", lambda each: error_text(each.rms_geometric)),
     ("max error", lambda each: error_text(each.max_error)),
     ("FLIP", lambda each: flip_text(each.flip)),
+    ("opacity", lambda each: bias_text(each.opacity_bias)),
     ("#time", lambda each: f"{each.rank_time:.1f}"),
     ("#error", lambda each: f"{each.rank_error:.1f}"),
 )

@@ -25,6 +25,11 @@ def error_text(value: float) -> str:
     return "0" if value == 0 else f"{value:.1e}"
 
 
+def bias_text(value: float) -> str:
+    """Return a mean that may be below 0 with two digits. What float32 may round is 0."""
+    return "0" if abs(value) < 1e-6 else f"{value:+.1e}"
+
+
 def flip_text(value: float | None) -> str:
     """Return a FLIP error, or - if it was not measured."""
     return "-" if value is None else error_text(value) if value < 5e-5 else f"{value:.4f}"
