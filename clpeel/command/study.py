@@ -94,8 +94,9 @@ def _check_suite(options: argparse.Namespace) -> None:
         return
     if options.named:
         raise InputError(f"--suite: expected no file with it, got '{options.named[0]}'")
-    for flag, _ in options.words:
-        if flag[2:].replace("-", "_") not in SUITES_OWN:
+    for name in getattr(options, "given", {}).keys() - {"files"}:
+        if name not in SUITES_OWN:
+            flag = f"--{name.replace('_', '-')}"
             raise InputError(f"{flag}: expected no such option with --suite, whose scenes have their own; got one")
 
 

@@ -507,6 +507,7 @@ def test_the_command_keeps_what_is_finished(tmp_path: Path, monkeypatch: pytest.
         (["--suite", "part.stl"], "--suite: expected no file with it, got 'part.stl'"),
         (["--suite", "--opacity=0.5"], "--opacity: expected no such option with --suite"),
         (["--suite", "--camera-position=1,2,3"], "--camera-position: expected no such option with --suite"),
+        (["--suite", "--merge-coincident"], "--drop-duplicates: expected no such option with --suite"),
         (["--suite", "--unlit"], "--unlit: expected no such option with --suite"),
         (["--suite", "--scenes=no-such"], "scenes: expected some of dragon, spheres"),
         (["--suite", "--scenes="], "scenes: expected some of dragon, spheres"),
