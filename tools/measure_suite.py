@@ -3,9 +3,9 @@
     python tools/measure_suite.py --report docs/compare.md --json suite.json
     python tools/measure_suite.py --read suite.json --report docs/compare.md
 
-The first measures everything, with nine frames of each row, which takes an hour on two cores. Let nothing else run
-meanwhile. The dragon is in the folder that --models names, or in `models` in the one that CLPEEL_SHARED names. The
-second command makes the tables of figures that were measured before, which `clpeel compare --suite --json` writes, too.
+The first measures everything, with nine frames of each row, which takes long. Let nothing else run meanwhile. The
+dragon is in the folder that --models names, or in `models` in the one that CLPEEL_SHARED names. The second command
+makes the tables of figures that were measured before, which `clpeel compare --suite --json` writes, too.
 Without --report the tables go to standard output.
 Exit codes: 0 done, 1 failed, 2 bad input, 3 no such OpenCL device, 130 interrupted.
 """

@@ -32,7 +32,7 @@ from clpeel.command import main as cli
 from clpeel.pictures.png import STEP
 from clpeel.rendering.renderer import Renderer
 from clpeel.study.chart import CHARACTER, HEIGHT, LINE, WIDTH, place_labels
-from clpeel.study.compare import flip_error, judged
+from clpeel.study.compare import flip_error, judged, opacity_bias
 from clpeel.study.comparison import FIGURES, FLIP_HINT, Comparison, Row, shown
 from clpeel.study.page import heat
 from clpeel.study.tables import COLUMNS
@@ -104,6 +104,14 @@ def test_figures_in_closed_form() -> None:
         assert (row.share_above_1, row.share_above_8) == (error > 1 / 255, error > 8 / 255), name
         if error:
             assert row.psnr == pytest.approx(-20 * math.log10(error), abs=1e-4), name
+    through = (1 - a) * (1 - b)
+    for name, alpha in (
+        ("weighted-average", 1 - (1 - (a + b) / 2) ** 2),
+        ("weighted-sum", a + b),
+        ("sort", 1 - through),
+    ):
+        assert rows[name].opacity_bias == pytest.approx(alpha - (1 - through), abs=1e-7), name
+    assert rows["depth-peeling, passes 1"].opacity_bias == pytest.approx(a - (1 - through), abs=1e-7)
     assert rows["weighted-average"].share_above_8 == 0 < rows["weighted-average"].share_above_1
     assert rows["depth-peeling"].passes == 2 and rows["dual-depth-peeling"].passes == 2
     assert rows["depth-peeling, passes 1"].truncation_bound == pytest.approx(1 - a)
@@ -143,6 +151,12 @@ def test_shares_and_means_are_of_pixels_and_channels() -> None:
         10 * math.log10(1 / mean)
     )
     assert found["error"] == pytest.approx(np.array([[2 * STEP, 9 * STEP, 0, 0], [0.5, 1, 0, 0]]), abs=1e-6)
+
+
+def test_opacity_beyond_1_is_1_and_no_number_is_1() -> None:
+    color, truth = np.zeros((1, 2, 4), np.float32), np.zeros((1, 2, 4))
+    color[..., 3], truth[..., 3] = [[1.75, np.nan]], [[0.5, 0.25]]
+    assert opacity_bias(color, truth) == (0.5 + 0.75) / 2
 
 
 def test_truth_is_the_twins(soup: soups.Soup, compared: Comparison, judge: Judge) -> None:

@@ -460,6 +460,11 @@ def test_the_command_prints_and_writes(tmp_path: Path, capfd: Any) -> None:
     assert err == [f"clpeel: wrote {path}" for path in files.values()]
 
 
+def test_the_help_names_all_scenes(capfd: Any) -> None:
+    assert cli.main(["compare", "--help"]) == 0
+    assert f"only these of {', '.join(NAMES)}" in " ".join(capfd.readouterr().out.split())
+
+
 def test_the_command_asks_for_what_the_options_say(monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:
     asked = SimpleNamespace()
 
