@@ -6,7 +6,8 @@
 The first measures everything, with nine frames of each row, which takes long. Let nothing else run meanwhile. The
 dragon is in the folder that --models names, or in `models` in the one that CLPEEL_SHARED names. The second command
 makes the tables of figures that were measured before, which `clpeel compare --suite --json` writes, too.
-Without --report the tables go to standard output.
+Without --report the tables go to standard output. After Ctrl-C the figures of the finished scenes go to --json and to
+standard output, and the document stays as it is.
 Exit codes: 0 done, 1 failed, 2 bad input, 3 no such OpenCL device, 130 interrupted.
 """
 
@@ -55,12 +56,12 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def measured(options: argparse.Namespace) -> Values:
-    """Return the figures of the suite, measured now."""
+def measured(options: argparse.Namespace) -> tuple[Values, int]:
+    """Return the figures of the suite, measured now, and the exit code: 130 if Ctrl-C left some out."""
     import clpeel
     from clpeel.command.terminal import Progress
 
-    progress = Progress()
+    progress, code = Progress(), 0
     try:
         suite = clpeel.compare_suite(
             options.scenes,
@@ -71,9 +72,11 @@ def measured(options: argparse.Namespace) -> Values:
             device=options.device,
             progress=progress if progress.enabled else None,
         )
+    except clpeel.InterruptedSuite as interrupted:
+        suite, code = interrupted.comparison, 130
     finally:
         progress.clear()
-    return {**json.loads(suite.to_json()), "machine": machine()}
+    return {**json.loads(suite.to_json()), "machine": machine()}, code
 
 
 def read(path: Path) -> Values:
@@ -206,14 +209,14 @@ def main(arguments: list[str] | None = None) -> int:
     options = parse(arguments)
     if options.report:
         renewed(options.report, "")
-    found = read(options.read) if options.read else measured(options)
+    found, code = (read(options.read), 0) if options.read else measured(options)
     if options.json:
         write_whole(options.json, (json.dumps(found, indent=2) + "\n").encode())
-    if options.report:
+    if options.report and not code:
         write_whole(options.report, renewed(options.report, tables(found)).encode())
     else:
         print(tables(found), end="")
-    return 0
+    return code
 
 
 if __name__ == "__main__":

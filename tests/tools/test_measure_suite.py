@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from benchmark.report import BEGIN, END
 
+import clpeel
 from clpeel.study.comparison import Comparison, Row
 from clpeel.study.standings import Chapter, SuiteComparison
 
@@ -72,6 +73,22 @@ def test_it_measures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert tool.main(["--read", str(path)]) == 0
     assert capsys.readouterr().out == printed and "**grass**" in printed
     assert json.loads(path.read_text())["machine"]["cores"]
+
+
+def test_ctrl_c_keeps_the_finished_scenes_and_the_document(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise clpeel.InterruptedSuite(
+            SuiteComparison([chapter("one", ("sort", 0.02, 0.0, True, 0.0))], ("interrupted",))
+        )
+
+    monkeypatch.setattr(clpeel, "compare_suite", interrupted)
+    page, path = tmp_path / "page.md", tmp_path / "found.json"
+    page.write_text(f"{BEGIN}\n\nold\n\n{END}\n")
+    assert tool.main(["--report", str(page), "--json", str(path)]) == 130
+    assert "old" in page.read_text() and "**one**" in capsys.readouterr().out
+    assert json.loads(path.read_text())["notes"] == ["interrupted"]
 
 
 @pytest.mark.parametrize(
