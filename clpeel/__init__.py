@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from clpeel.study.comparison import Interrupted as Interrupted
     from clpeel.study.complexity import Complexity as Complexity
     from clpeel.study.complexity import complexity as complexity
+    from clpeel.study.standings import InterruptedSuite as InterruptedSuite
+    from clpeel.study.standings import SuiteComparison as SuiteComparison
+    from clpeel.study.suite import compare_suite as compare_suite
     from clpeel.viewer.open import view as view
     from clpeel.viewer.show import show as show
 
@@ -50,6 +53,7 @@ _HOMES = {
     "Film": "clpeel.film.turntable",
     "InputError": "clpeel.errors",
     "Interrupted": "clpeel.study.comparison",
+    "InterruptedSuite": "clpeel.study.standings",
     "Layers": "clpeel.pictures.layers",
     "Material": "clpeel.scene.materials",
     "NoDeviceError": "clpeel.errors",
@@ -57,9 +61,11 @@ _HOMES = {
     "Result": "clpeel.rendering.result",
     "Scene": "clpeel.scene.scene",
     "Stats": "clpeel.rendering.result",
+    "SuiteComparison": "clpeel.study.standings",
     "Texture": "clpeel.scene.textures",
     "Warmed": "clpeel.rendering.warm_up",
     "compare": "clpeel.study.compare",
+    "compare_suite": "clpeel.study.suite",
     "complexity": "clpeel.study.complexity",
     "from_pyvista": "clpeel.reading.from_pyvista",
     "grid": "clpeel.scene.grid",

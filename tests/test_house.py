@@ -22,7 +22,7 @@ STAIRS: dict[str, tuple[str, ...]] = {
     "stages": ("scene", "pictures", "device"),
     "techniques": ("device.layout",),
     "rendering": ("scene", "pictures", "device", "stages", "techniques"),
-    "study": ("scene", "pictures", "device", "stages", "techniques", "rendering"),
+    "study": ("scene", "pictures", "reading", "device", "stages", "techniques", "rendering"),
     "viewer": ("scene", "pictures", "reading", "techniques", "rendering", "study"),
     "film": ("scene", "pictures", "techniques", "rendering"),
     "command": (

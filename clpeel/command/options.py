@@ -372,6 +372,12 @@ def add_compare_options(parser: argparse.ArgumentParser) -> None:
         help="passes to stop after, of those that peel, such as 1,2,4 (default: none, beside no limit)",
     )
     add("--frames", type=values.count, default=5, metavar="N", help="timed of each, after one that is not (default: 5)")
+    add = parser.add_argument_group("a standard set of scenes, in place of files").add_argument
+    add("--suite", action="store_true", help="compare on eight scenes, over white, and rank the techniques")
+    text = "with --suite: only these of dragon, spheres, boxes, grass, hair, smoke, shells, foliage"
+    add("--scenes", type=values.names, metavar="NAME,...", help=text)
+    text = "with --suite: folder that has the dragon, dragon_vrip.ply.gz (default: $CLPEEL_SHARED/models)"
+    add("--models", metavar="DIR", help=text)
     group = parser.add_argument_group("output, besides the table on standard output")
     add = group.add_argument
     add("--json", metavar="FILE", help="write all figures, and each frame's time, or - for standard output")

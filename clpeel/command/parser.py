@@ -40,7 +40,7 @@ each technique would need: geometry passes, bytes a pixel and, roughly, seconds.
 
 COMPARE = """\
 Draw mesh files by every technique and set the pictures beside what blending the same fragments in float64 gives, and
-the times beside each other. Ctrl-C ends it with the rows that are finished.
+the times beside each other. Ctrl-C ends it with the rows that are finished. --suite takes a standard set of scenes.
 """
 
 VIEW = """\
@@ -96,7 +96,7 @@ TEXTS: dict[str, tuple[str, str, str, str | None]] = {
     ),
     "compare": (
         "compare the techniques: time, memory, and error against float64",
-        "FILE... [--html FILE] [options]",
+        "FILE...|--suite [--html FILE] [options]",
         COMPARE,
         None,
     ),
@@ -338,8 +338,9 @@ def _add_options(parser: Parser) -> None:
     from clpeel.command.order import EACH, or_file
 
     of = parser.commands
-    for name, done in (("render", "drawn"), ("layers", "peeled"), ("complexity", "counted"), ("compare", "drawn")):
+    for name, done in (("render", "drawn"), ("layers", "peeled"), ("complexity", "counted")):
         options.add_files(of[name], done)
+    options.add_files(of["compare"], "drawn", none="*")
     options.add_picture_options(of["render"], output="clpeel.png", resolution="1024,1024")
     options.add_layers_options(of["layers"])
     options.add_complexity_options(of["complexity"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from clpeel.checks import parse_memory
 from clpeel.command.inputs import load_files, make_camera
@@ -17,6 +17,8 @@ from clpeel.pictures.formats import EIGHT_BITS
 
 if TYPE_CHECKING:
     from clpeel.scene.scene import Scene
+    from clpeel.study.comparison import Comparison
+    from clpeel.study.standings import SuiteComparison
 
 
 def _begin(options: argparse.Namespace) -> tuple[Callable[[], Scene], str, Progress]:
@@ -35,10 +37,18 @@ def _begin(options: argparse.Namespace) -> tuple[Callable[[], Scene], str, Progr
     return load, name, progress
 
 
+SUITES_OWN = frozenset(
+    "suite scenes models techniques precisions budgets frames json csv html resolution memory device lanes no_progress "
+    "quiet verbose config no_config".split()
+)
+"""The options of `compare` that hold with --suite, whose scenes have their own colours, lights and cameras."""
+
+
 def run_compare(options: argparse.Namespace) -> int:
     """Load, compare, print and write. After an interrupt, it prints and writes the finished rows."""
     if not options.verbose:
         quiet_libraries()
+    _check_suite(options)
     files = {name: path for name in ("json", "csv", "html") if (path := getattr(options, name)) is not None}
     if list(files.values()).count("-") > 1:
         raise InputError("-: expected one of --json, --csv and --html on standard output, got several")
@@ -51,36 +61,16 @@ def run_compare(options: argparse.Namespace) -> int:
     from clpeel.study.compare import check_choice
 
     check_choice(options.techniques, options.precisions)
-    load, name, progress = _begin(options)
-    code = 0
+    comparison: Comparison | SuiteComparison
+    code, name = 0, "clpeel compare --suite"
     try:
-        scene = load()
-        progress.clear()
-        if not options.quiet:
-            say_notes(scene.notes)
-        progress(0.0, "comparing")
-        comparison = clpeel.compare(
-            scene,
-            make_camera(options, scene),
-            size=options.resolution,
-            techniques=options.techniques,
-            precisions=options.precisions,
-            budgets=options.budgets,
-            frames=options.frames,
-            background=options.background_color,
-            lighting=lighting_for(options, scene),
-            opaque=options.opaque or "first",
-            memory=options.memory,
-            device=options.device,
-            lanes=options.lanes,
-            **given_marks(options),
-            pictures="html" in files,
-            progress=progress if progress.enabled else None,
-        )
-    except clpeel.Interrupted as interrupted:
+        if options.suite:
+            comparison = _of_suite(options, "html" in files)
+        else:
+            load, name, progress = _begin(options)
+            comparison = _of_files(options, load, progress, "html" in files)
+    except (clpeel.Interrupted, clpeel.InterruptedSuite) as interrupted:
         comparison, code = interrupted.comparison, EXIT_INTERRUPTED
-    finally:
-        progress.clear()
     if not options.quiet or not files:
         print_text(comparison.table(), aside="-" in files.values())
     for kind, path in files.items():
@@ -91,6 +81,71 @@ def run_compare(options: argparse.Namespace) -> int:
     if code:
         say("interrupted")
     return code
+
+
+def _check_suite(options: argparse.Namespace) -> None:
+    """Raise InputError if files and --suite are given, or neither, or an option that goes with the other one alone."""
+    if not options.suite:
+        for name in ("scenes", "models"):
+            if getattr(options, name) is not None:
+                raise InputError(f"--{name}: expected --suite with it, got none")
+        if not options.named:
+            raise InputError("FILE: expected mesh files, or --suite, got none (see clpeel compare --help)")
+        return
+    if options.named:
+        raise InputError(f"--suite: expected no file with it, got '{options.named[0]}'")
+    for name in getattr(options, "given", {}).keys() - {"files"}:
+        if name not in SUITES_OWN:
+            flag = f"--{name.replace('_', '-')}"
+            raise InputError(f"{flag}: expected no such option with --suite, whose scenes have their own; got one")
+
+
+def _of_files(options: argparse.Namespace, load: Callable[[], Scene], progress: Progress, pictures: bool) -> Comparison:
+    """Return the comparison on the scene of the files."""
+    import clpeel
+
+    try:
+        scene = load()
+        progress.clear()
+        if not options.quiet:
+            say_notes(scene.notes)
+        progress(0.0, "comparing")
+        return clpeel.compare(
+            scene,
+            make_camera(options, scene),
+            size=options.resolution,
+            background=options.background_color,
+            lighting=lighting_for(options, scene),
+            opaque=options.opaque or "first",
+            **given_marks(options),
+            **_choices(options, progress),
+            pictures=pictures,
+        )
+    finally:
+        progress.clear()
+
+
+def _of_suite(options: argparse.Namespace, pictures: bool) -> SuiteComparison:
+    """Return the comparison on the scenes of the suite."""
+    import clpeel
+
+    progress = Progress(enabled=not (options.quiet or options.no_progress))
+    try:
+        return clpeel.compare_suite(
+            options.scenes,
+            options.resolution,
+            models=options.models,
+            **_choices(options, progress),
+            pictures=pictures,
+        )
+    finally:
+        progress.clear()
+
+
+def _choices(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Return the parameters that comparisons on files and on the suite share, by name."""
+    names = "techniques precisions budgets frames memory device lanes".split()
+    return {**{name: getattr(options, name) for name in names}, "progress": progress if progress.enabled else None}
 
 
 def run_complexity(options: argparse.Namespace) -> int:

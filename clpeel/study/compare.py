@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from clpeel.checks import Background, GivenBackground, whole_number
 from clpeel.device.layout import PointType
 from clpeel.errors import InputError
-from clpeel.options import Options, options_of
 from clpeel.pictures.layers import Layers
 from clpeel.pictures.png import STEP
 from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
@@ -29,6 +28,9 @@ from clpeel.techniques.peeling import MAX_PASSES
 from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, Blending
 
 MOST_FRAMES = 10_000
+LEFT_OUT = "left out, as they make maps and not this picture: " + ", ".join(
+    made.name for made in TECHNIQUES.values() if made.maps
+)
 HOST_BYTES = 8 * 4 * 3
 """Host memory of a pixel, in bytes, approximately: the truth and the arrays it is computed from, all float64."""
 
@@ -56,6 +58,8 @@ def compare(
 ) -> Comparison:
     """Draw the view with every technique, and compare the pictures with the truth and the times with each other.
 
+    Techniques are drawn with the defaults of their options, and with those that they are known for besides
+    (`Technique.compared`).
     techniques: names in `clpeel.techniques.TECHNIQUES`; by default all that make this picture and not a map.
     precisions: names of the precisions of the colour buffers; by default float32 and the one of the technique's paper.
     budgets: numbers of `passes` to stop after. For techniques with that option, each budget adds a row to the one
@@ -69,9 +73,6 @@ def compare(
     Raises InputError if any of these is invalid. Raises Interrupted, a KeyboardInterrupt with the finished rows, on
     Ctrl-C.
     """
-    names, chosen_precisions = check_choice(techniques, precisions)
-    limits = sorted({whole_number("budgets", budget, MAX_PASSES) for budget in budgets})
-    frames = whole_number("frames", frames, MOST_FRAMES)
     picture = PictureOptions(
         size=size,
         background=background,
@@ -84,15 +85,15 @@ def compare(
     )
     if picture.over is None:
         raise InputError("background: expected 3 numbers 0..1, as errors are of the picture over it; got None")
+    frames = whole_number("frames", frames, MOST_FRAMES)
+    trials, notes = chosen_trials(techniques, precisions, budgets)
     check_picture_fits(picture.size, HOST_BYTES)
-    trials, notes = trials_of(names, chosen_precisions, limits)
     camera = checked_camera(scene, camera, picture.size[0] / picture.size[1])
     bench = _Bench(scene, camera, picture, device, lanes, progress, 1 + len(trials) * (2 + frames))
     comparison, own_notes = bench.truth()
-    skipped = [made.name for made in TECHNIQUES.values() if made.maps and techniques is None]
     notes = [*own_notes, *notes]
-    if skipped:
-        notes.append(f"left out, as they make maps and not this picture: {', '.join(skipped)}")
+    if techniques is None:
+        notes.append(LEFT_OUT)
     try:
         bench.measure(trials, comparison, frames, pictures)
     except KeyboardInterrupt:
@@ -126,16 +127,22 @@ class Trial:
             budget=self.options.get("passes"),
             exact=self.technique.exact,
             seconds=tuple(self.seconds),
+            options=self.own,
             **self.found,
         )
 
     @property
+    def own(self) -> dict[str, Any]:
+        """The options besides the precision and the budget."""
+        return {name: value for name, value in self.options.items() if name not in ("precision", "passes")}
+
+    @property
     def name(self) -> str:
         """The same name as the row's."""
-        return named(self.technique.name, self.options.get("precision"), self.options.get("passes"))
+        return named(self.technique.name, self.options.get("precision"), self.options.get("passes"), self.own)
 
 
-def _chosen(name: str, values: Iterable[str] | None, known: Sequence[str]) -> list[str]:
+def chosen_names(name: str, values: Iterable[str] | None, known: Sequence[str]) -> list[str]:
     """Return the known names that are among the values, in their known order. None means all. Raises InputError."""
     if isinstance(values, str):
         values = [values]
@@ -148,6 +155,14 @@ def _chosen(name: str, values: Iterable[str] | None, known: Sequence[str]) -> li
     return [value for value in known if value in asked]
 
 
+def chosen_trials(
+    techniques: Iterable[str] | None, precisions: Iterable[str] | None, budgets: Iterable[int]
+) -> tuple[list[Trial], list[str]]:
+    """Return the trials of what `compare` is asked for, and notes (trials_of). Raises InputError if it cannot be."""
+    names, chosen_precisions = check_choice(techniques, precisions)
+    return trials_of(names, chosen_precisions, sorted({whole_number("budgets", n, MAX_PASSES) for n in budgets}))
+
+
 def check_choice(
     techniques: Iterable[str] | None, precisions: Iterable[str] | None
 ) -> tuple[list[str], list[str] | None]:
@@ -157,39 +172,45 @@ def check_choice(
     Raises InputError if a name is not known, or if a list is empty.
     """
     comparable = [made.name for made in TECHNIQUES.values() if not made.maps]
-    names = _chosen("techniques", techniques, comparable)
-    return names, None if precisions is None else _chosen("precisions", precisions, list(PRECISIONS))
+    names = chosen_names("techniques", techniques, comparable)
+    return names, None if precisions is None else chosen_names("precisions", precisions, list(PRECISIONS))
 
 
 def trials_of(
     names: Iterable[str], precisions: Sequence[str] | None, budgets: Sequence[int]
 ) -> tuple[list[Trial], list[str]]:
-    """Return the trials: techniques x precisions x budgets, where the technique has that option. Also return notes.
+    """Return the trials: techniques x their compared options x precisions x budgets. Also return notes.
 
-    A note says why a technique refuses a budget.
+    A technique has the precisions and budgets if it has that option. Where the compared options name one themselves,
+    that one holds. A note says why a technique refuses a budget.
     """
-    trials, notes = [], []
+    trials: list[Trial] = []
+    notes = []
     for technique in map(TECHNIQUES.__getitem__, names):
         own: Sequence[str | None] = [None]
         if issubclass(technique.options, Blending):
             own = precisions or list(dict.fromkeys((DEFAULT_PRECISION, technique.paper_precision)))
         peels = "passes" in technique.option_names
-        for precision, budget in product(own, [None, *budgets] if peels else [None]):
+        for options, precision, budget in product(compared(technique), own, [None, *budgets] if peels else [None]):
             asked = {"precision": precision, "passes": budget}
-            trial = Trial(technique, {name: value for name, value in asked.items() if value is not None})
-            refusal = None if budget is None else refused(technique.options, budget)
-            if refusal is None:
-                trials.append(trial)
-            else:
+            trial = Trial(technique, {name: value for name, value in asked.items() if value is not None} | options)
+            refusal = refused(trial)
+            if refusal is not None:
                 notes.append(f"left out: {trial.name}: {refusal}")
+            elif all((trial.technique, trial.options) != (other.technique, other.options) for other in trials):
+                trials.append(trial)
     return trials, notes
 
 
-def refused(options: type[Options], passes: int) -> InputError | None:
-    """Return why a technique cannot stop after so many passes, or None if it can. It may have a limit of its own."""
-    (limit,) = (each for each in options_of(options) if each.name == "passes")
+def compared(technique: AnyTechnique) -> list[dict[str, object]]:
+    """Return the options with which a technique is compared: the defaults, and those that it says itself."""
+    return [{}, *(dict(options.given()) for options in technique.compared())]
+
+
+def refused(trial: Trial) -> InputError | None:
+    """Return why a technique cannot be drawn with these options, or None if it can. It may have limits of its own."""
     try:
-        limit.checked(passes)
+        trial.technique.options(**trial.options)
     except InputError as error:
         return error
     return None
@@ -276,6 +297,7 @@ class _Bench:
         for trial in trials:
             result = self._judged(f"{trial.name}: its error", trial.technique, **trial.options)
             trial.found = judged(result, right, right_image, comparison.background, pictures)
+            trial.found["opacity_bias"] = opacity_bias(result.color, comparison.truth)
             del result
             self._time(trial, 0, frames)
             self._time(trial, 1, frames)
@@ -306,6 +328,15 @@ def true_colors(layers: Layers) -> NDArray[np.float64]:
         source[:, :3] *= alpha
         color[pixels] = source + (1 - alpha) * color[pixels]
     return color.reshape(height, width, 4)
+
+
+def opacity_bias(color: NDArray[np.float32], truth: NDArray[np.float64]) -> float:
+    """Return how much too opaque the pixels are, on average: the mean of alpha, clamped to 0..1, less the truth's.
+
+    NaN counts as 1.
+    """
+    alpha = np.clip(np.nan_to_num(color[..., 3].astype(np.float64), nan=1.0), 0, 1)
+    return float(np.mean(alpha - truth[..., 3]))
 
 
 def flip_error(truth: NDArray[np.uint8], image: NDArray[np.uint8]) -> float | None:

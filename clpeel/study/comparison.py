@@ -7,7 +7,8 @@ import io
 import json
 import math
 import statistics
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from clpeel.study.tables import COLUMNS, aligned
 from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
 
 FLIP_HINT = "FLIP: not measured; pip install 'flip-evaluator>=1.6'"
+
+ERRORS = "errors: of RGB over the background, of 1, before rounding to 8 bits; >1/255: share of pixels off by more"
 
 FIGURES = (
     "technique",
@@ -41,6 +44,8 @@ FIGURES = (
     "truncated_pixels",
     "truncation_bound",
     "clamped_pixels",
+    "opacity_bias",
+    "options",
 )
 """The figures of a row that files contain: names of fields and properties of `Row`."""
 
@@ -62,6 +67,8 @@ class Row:
     share of pixels with a channel that is off by more than 1/255 or 8/255. flip: the mean of FLIP (Andersson et al.
     2020) between the 8-bit pictures, from 0 (alike) to 1, or None if flip-evaluator is not installed.
     truncated_pixels, truncation_bound, clamped_pixels: as in `Result.stats`.
+    opacity_bias: how much too opaque the pixels are, on average: the mean of their alpha less that of the truth.
+    options: the technique's other options that are not at their defaults, by name, such as {"slots": 8}.
     image: uint8 [height, width, 4]. error: float32 [height, width], the greatest of a pixel's channels. Both are None
     unless pictures were asked for.
     """
@@ -83,13 +90,15 @@ class Row:
     truncated_pixels: int
     truncation_bound: float
     clamped_pixels: int
+    opacity_bias: float = 0.0
+    options: Mapping[str, Any] = field(default_factory=dict)
     image: NDArray[np.uint8] | None = None
     error: NDArray[np.float32] | None = None
 
     @property
     def name(self) -> str:
         """The technique with its options, such as `weighted-sum, half` or `depth-peeling, passes 4`."""
-        return named(self.technique, self.precision, self.budget)
+        return named(self.technique, self.precision, self.budget, self.options)
 
     @property
     def seconds_median(self) -> float:
@@ -153,11 +162,11 @@ class Comparison:
         It is, unless another row is at least as fast and at least as near the truth, and better in one of the two. Time
         is the median, and error the RMS error. Errors within `rounding` count as zero.
         """
-        weighed = [(row.seconds_median, 0.0 if row.max_error <= self.rounding else row.rms_error) for row in self.rows]
-        return [
-            not any(other[0] <= mine[0] and other[1] <= mine[1] and other != mine for other in weighed)
-            for mine in weighed
-        ]
+        return unbeaten([(row.seconds_median, self.weighed_error(row)) for row in self.rows])
+
+    def weighed_error(self, row: Row) -> float:
+        """Return the row's RMS error, or 0 if its errors are within `rounding`."""
+        return 0.0 if row.max_error <= self.rounding else row.rms_error
 
     def facts(self) -> dict[str, Any]:
         """Return what the rows were compared on, by name."""
@@ -171,8 +180,12 @@ class Comparison:
 
     def table(self) -> str:
         """Return the rows as a text table, followed by its legend."""
+        return "\n".join([*self.lines(), "", *self.legend()])
+
+    def lines(self) -> list[str]:
+        """Return the lines of the table: a heading, and one for each row."""
         front = self.front()
-        lines = aligned(
+        return aligned(
             [
                 ["  technique", *(heading for heading, _ in COLUMNS)],
                 *(
@@ -181,15 +194,20 @@ class Comparison:
                 ),
             ]
         )
-        return "\n".join([*lines, "", *self.legend()])
+
+    def about_truth(self) -> str:
+        """Return what the pictures were compared with, as a line."""
+        width, height = self.size
+        return (
+            f"truth: the same {self.fragments:,} fragments, at most {self.layers_max} in a pixel, blended in float64; "
+            f"{width} x {height} pixels"
+        )
 
     def legend(self) -> list[str]:
         """Return what the table's numbers mean, one line each."""
-        width, height = self.size
         return [
-            f"truth: the same {self.fragments:,} fragments, at most {self.layers_max} in a pixel, blended in float64; "
-            f"{width} x {height} pixels",
-            "errors: of RGB over the background, of 1, before rounding to 8 bits; >1/255: share of pixels off by more",
+            self.about_truth(),
+            ERRORS,
             f"* nothing here is both faster and nearer the truth; errors within float32's {self.rounding:.1e} count as "
             "none",
             *([FLIP_HINT] if any(row.flip is None for row in self.rows) else []),
@@ -197,26 +215,29 @@ class Comparison:
         ]
 
     def to_json(self) -> str:
-        """Return JSON: `facts`, and each row's figures, `on_front` and `seconds` of each frame.
+        """Return JSON: `facts`, and `entries` as `rows`."""
+        return json.dumps({"format": 1, **self.facts(), "rows": self.entries()}, indent=2, allow_nan=False) + "\n"
 
-        Infinite numbers are null.
-        """
+    def entries(self) -> list[dict[str, Any]]:
+        """Return each row for JSON: its figures, `on_front` and `seconds` of each frame. Infinite numbers are None."""
         rows = [
             {**row.figures(), "on_front": on, "seconds": list(row.seconds)}
             for row, on in zip(self.rows, self.front(), strict=True)
         ]
         for row in rows:
             row["psnr"] = row["psnr"] if math.isfinite(row["psnr"]) else None
-        return json.dumps({"format": 1, **self.facts(), "rows": rows}, indent=2, allow_nan=False) + "\n"
+        return rows
 
     def to_csv(self) -> str:
         """Return CSV: a heading, and a line for each row with FIGURES and `on_front`. A missing figure is empty."""
-        file = io.StringIO()
-        writer = csv.DictWriter(file, [*FIGURES, "on_front"], lineterminator="\n")
-        writer.writeheader()
-        for row, on in zip(self.rows, self.front(), strict=True):
-            writer.writerow({**row.figures(), "on_front": on})
-        return file.getvalue()
+        return as_csv([*FIGURES, "on_front"], self.lines_of_figures())
+
+    def lines_of_figures(self) -> list[dict[str, Any]]:
+        """Return of each row, for CSV, its FIGURES and `on_front`."""
+        return [
+            {**row.figures(), "options": texts(row.options), "on_front": on}
+            for row, on in zip(self.rows, self.front(), strict=True)
+        ]
 
     def to_html(self, title: str = "clpeel compare") -> str:
         """Return one HTML page with everything: the plot of time against error, the table, pictures and error maps.
@@ -236,10 +257,34 @@ class Interrupted(KeyboardInterrupt):
         self.comparison = comparison
 
 
-def named(technique: str, precision: str | None, budget: int | None) -> str:
+def as_csv(names: Sequence[str], lines: Iterable[Mapping[str, Any]]) -> str:
+    """Return CSV with these columns: a heading, and a line for each mapping. What is None is empty."""
+    file = io.StringIO()
+    writer = csv.DictWriter(file, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    return file.getvalue()
+
+
+def unbeaten(points: Sequence[tuple[float, float]]) -> list[bool]:
+    """Return for each point whether it is on the Pareto front of both of its numbers.
+
+    It is, unless another point is at most as great in both numbers, and smaller in one.
+    """
+    return [
+        not any(other[0] <= mine[0] and other[1] <= mine[1] and other != mine for other in points) for mine in points
+    ]
+
+
+def named(technique: str, precision: str | None, budget: int | None, options: Mapping[str, object]) -> str:
     """Return `Row.name`. The default precision, float32, is not mentioned."""
     told = ["" if precision in (None, DEFAULT_PRECISION) else precision, "" if budget is None else f"passes {budget}"]
-    return ", ".join([technique, *filter(None, told)])
+    return ", ".join([technique, *filter(None, (texts(options), *told))])
+
+
+def texts(options: Mapping[str, object]) -> str:
+    """Return options as text, such as `slots 8`."""
+    return ", ".join(f"{name} {value}" for name, value in options.items())
 
 
 def shown(color: NDArray[np.floating], background: Background) -> NDArray[np.float64]:

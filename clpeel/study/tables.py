@@ -25,6 +25,16 @@ def error_text(value: float) -> str:
     return "0" if value == 0 else f"{value:.1e}"
 
 
+def bias_text(value: float) -> str:
+    """Return a mean that may be below 0 with two digits. What float32 may round is 0."""
+    return "0" if abs(value) < 1e-6 else f"{value:+.1e}"
+
+
+def flip_text(value: float | None) -> str:
+    """Return a FLIP error, or - if it was not measured."""
+    return "-" if value is None else error_text(value) if value < 5e-5 else f"{value:.4f}"
+
+
 COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
     ("ms", lambda row: milliseconds(row.seconds_median)),
     ("spread", lambda row: f"{milliseconds(row.seconds_least)}-{milliseconds(row.seconds_greatest)}"),
@@ -36,7 +46,7 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
     ("PSNR", lambda row: f"{row.psnr:.1f}"),
     (">1/255", lambda row: share(row.share_above_1)),
     (">8/255", lambda row: share(row.share_above_8)),
-    ("FLIP", lambda row: "-" if row.flip is None else error_text(row.flip) if row.flip < 5e-5 else f"{row.flip:.4f}"),
+    ("FLIP", lambda row: flip_text(row.flip)),
 )
 """Headings and cells of the tables, after the column with the row's name."""
 

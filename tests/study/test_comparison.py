@@ -31,11 +31,13 @@ import clpeel
 from clpeel.command import main as cli
 from clpeel.pictures.png import STEP
 from clpeel.rendering.renderer import Renderer
-from clpeel.study.compare import flip_error, judged
+from clpeel.study.chart import CHARACTER, HEIGHT, LINE, WIDTH, place_labels
+from clpeel.study.compare import flip_error, judged, opacity_bias
 from clpeel.study.comparison import FIGURES, FLIP_HINT, Comparison, Row, shown
-from clpeel.study.page import CHARACTER, HEIGHT, LINE, WIDTH, heat, place_labels
+from clpeel.study.page import heat
 from clpeel.study.tables import COLUMNS
 from clpeel.techniques import TECHNIQUES
+from clpeel.techniques.multi_layer_peeling import MultiLayerOptions, MultiLayerPeeling
 from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, blending_bound
 
 if TYPE_CHECKING:
@@ -102,6 +104,14 @@ def test_figures_in_closed_form() -> None:
         assert (row.share_above_1, row.share_above_8) == (error > 1 / 255, error > 8 / 255), name
         if error:
             assert row.psnr == pytest.approx(-20 * math.log10(error), abs=1e-4), name
+    through = (1 - a) * (1 - b)
+    for name, alpha in (
+        ("weighted-average", 1 - (1 - (a + b) / 2) ** 2),
+        ("weighted-sum", a + b),
+        ("sort", 1 - through),
+    ):
+        assert rows[name].opacity_bias == pytest.approx(alpha - (1 - through), abs=1e-7), name
+    assert rows["depth-peeling, passes 1"].opacity_bias == pytest.approx(a - (1 - through), abs=1e-7)
     assert rows["weighted-average"].share_above_8 == 0 < rows["weighted-average"].share_above_1
     assert rows["depth-peeling"].passes == 2 and rows["dual-depth-peeling"].passes == 2
     assert rows["depth-peeling, passes 1"].truncation_bound == pytest.approx(1 - a)
@@ -141,6 +151,12 @@ def test_shares_and_means_are_of_pixels_and_channels() -> None:
         10 * math.log10(1 / mean)
     )
     assert found["error"] == pytest.approx(np.array([[2 * STEP, 9 * STEP, 0, 0], [0.5, 1, 0, 0]]), abs=1e-6)
+
+
+def test_opacity_beyond_1_is_1_and_no_number_is_1() -> None:
+    color, truth = np.zeros((1, 2, 4), np.float32), np.zeros((1, 2, 4))
+    color[..., 3], truth[..., 3] = [[1.75, np.nan]], [[0.5, 0.25]]
+    assert opacity_bias(color, truth) == (0.5 + 0.75) / 2
 
 
 def test_truth_is_the_twins(soup: soups.Soup, compared: Comparison, judge: Judge) -> None:
@@ -246,6 +262,75 @@ def test_a_budget_that_a_technique_refuses_is_said() -> None:
         "left out: glowscript, passes 9: passes: expected 1..4, got 9",
         "left out: glowscript, unorm8, passes 9: passes: expected 1..4, got 9",
     )
+
+
+# --- rows with options ------------------------------------------------------------------------------------------------
+
+
+def also(monkeypatch: pytest.MonkeyPatch, *options: Any) -> None:
+    """Multi-layer peeling is compared with these options, too."""
+    monkeypatch.setattr(MultiLayerPeeling, "compared", lambda self: options)
+
+
+def test_rows_with_options(soup: soups.Soup, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of `compared`, times precisions and budgets. Rows show what render makes with their options."""
+    also(monkeypatch, MultiLayerOptions(layers_per_pass=2), MultiLayerOptions(coincident="paper", layers_per_pass=3))
+    comparison = clpeel.compare(
+        soup.scene(), BENCH.camera(), SIZE, ["sort", "multi-layer-peeling"], budgets=[1], frames=1, pictures=True
+    )
+    tails = ["", ", passes 1", ", unorm8", ", unorm8, passes 1"]
+    named = [
+        "multi-layer-peeling" + own for own in ("", ", layers_per_pass 2", ", coincident paper, layers_per_pass 3")
+    ]
+    assert [row.name for row in comparison.rows] == ["sort", *(name + tail for name in named for tail in tails)]
+    assert comparison.notes == ()
+    for row in comparison.rows[1:]:
+        asked = {"precision": row.precision, "passes": row.budget, **row.options}
+        result = plainly.render(soup.scene(), BENCH.camera(), SIZE, row.technique, **asked)
+        assert (row.image == result.image).all() and row.passes == result.stats.passes, row.name
+    rows = by_name(comparison)
+    two, eight = (rows[f"{name}, passes 1"] for name in (named[1], named[0]))
+    assert two.rms_error > eight.rms_error and two.bytes_per_pixel == eight.bytes_per_pixel - 6 * 8
+    entries = json.loads(comparison.to_json())["rows"]
+    assert entries[0]["options"] == entries[1]["options"] == {}
+    assert entries[-1]["options"] == {"coincident": "paper", "layers_per_pass": 3}
+    lines = list(csv.DictReader(io.StringIO(comparison.to_csv())))
+    assert [line["options"] for line in lines[4:6]] == ["", "layers_per_pass 2"]
+    assert "multi-layer-peeling, layers_per_pass 2, unorm8" in comparison.to_html()
+
+
+def test_options_that_a_budget_does_not_go_with_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    also(monkeypatch, MultiLayerOptions(hazard_window=3))
+    comparison = clpeel.compare(
+        stack(0.5, 0.5), AHEAD.camera(), SIZE, ["multi-layer-peeling"], ["float32"], budgets=[2], frames=1
+    )
+    name = "multi-layer-peeling"
+    assert [row.name for row in comparison.rows] == [name, f"{name}, passes 2", f"{name}, hazard_window 3"]
+    assert comparison.notes == (
+        "left out: multi-layer-peeling, hazard_window 3, passes 2: passes: expected none with hazard_window: its "
+        "passes end when nothing is written; got one",
+    )
+
+
+def test_a_precision_or_a_budget_among_the_options_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    also(monkeypatch, MultiLayerOptions(precision="half"), MultiLayerOptions(passes=3), MultiLayerOptions())
+    rows = clpeel.compare(
+        stack(0.5, 0.5), AHEAD.camera(), SIZE, ["multi-layer-peeling"], ["float32"], budgets=[2], frames=1
+    ).rows
+    assert [(row.precision, row.budget, row.options) for row in rows] == [
+        ("float32", None, {}),
+        ("float32", 2, {}),
+        ("half", None, {}),
+        ("half", 2, {}),
+        ("float32", 3, {}),
+    ]
+
+
+def test_options_of_all_techniques_are_their_own() -> None:
+    """What a technique is compared with is what it can be drawn with, and differs from its defaults."""
+    for technique in TECHNIQUES.values():
+        for options in technique.compared():
+            assert isinstance(options, technique.options) and dict(options.given()), technique.name
 
 
 def test_memory_is_that_of_the_technique_alone(soup: soups.Soup) -> None:
@@ -413,7 +498,8 @@ def test_csv_and_json_give_the_figures_back(compared: Comparison) -> None:
     assert found["size"] == list(SIZE) and found["layers_max"] == compared.layers_max and found["format"] == 1
     assert len(table) == len(found["rows"]) == len(compared.rows)
     for row, line, entry, on in zip(compared.rows, table, found["rows"], compared.front(), strict=True):
-        assert line == {**{k: "" if v is None else str(v) for k, v in row.figures().items()}, "on_front": str(on)}
+        figures = {**row.figures(), "options": ""}
+        assert line == {**{k: "" if v is None else str(v) for k, v in figures.items()}, "on_front": str(on)}
         psnr = None if row.psnr == math.inf else row.psnr
         assert entry == {**row.figures(), "psnr": psnr, "on_front": on, "seconds": list(row.seconds)}
     assert float(table[1]["rms_error"]) == compared.rows[1].rms_error and table[-1]["psnr"] == "inf"
@@ -425,8 +511,8 @@ def test_the_page_is_whole_and_needs_nothing_else(compared: Comparison) -> None:
     text = compared.to_html('<dragon> & "friends"')
     page = ElementTree.fromstring(text.partition("\n")[2])
     assert text.startswith("<!DOCTYPE html>\n")
-    assert not re.search(r"https?:|url\(|@import|<script|<link|href", text)
-    images = [node.get("src", "") for node in page.iter("img")]
+    assert not re.search(r"https?:|url\(|@import|<script [^>]*src|<link|href", text)
+    images = [source for node in page.iter("img") if (source := node.get("src"))]
     assert all(source.startswith("data:image/png;base64,") for source in images)
     pictures = [np.asarray(Image.open(io.BytesIO(base64.b64decode(s.partition(",")[2])))) for s in images]
     assert (pictures[0] == compared.truth_image()[..., :3]).all()

@@ -155,6 +155,7 @@ TOOLS = (
         "clpeel compare dragon.ply.gz --opacity 0.4 --html page.html; a browser showed the page",
         "by hand",
     ),
+    Entry("suite", ("compare/scenes.png",), "python tools/draw_suite.py"),
     Entry(
         "outputs",
         ("outputs/maps.png",),
