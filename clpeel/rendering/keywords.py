@@ -87,3 +87,9 @@ class Keywords(TypedDict, total=False):
     """Of the light behind the scene (default: a warm white)."""
     weight: Literal["7", "8", "9", "10"]
     """Of weighted-blended: the paper's equation for weights (default: 10)."""
+    kept_layers: int
+    """Of k-buffer: layers that are kept and sorted (default: 8)."""
+    kept_by: Literal["depth", "arrival"]
+    """Of k-buffer: keep the nearest layers, or the first to arrive."""
+    tail: Literal["weighted-average", "none"]
+    """Of k-buffer: average the other layers, or leave them out."""

@@ -404,9 +404,9 @@ def over(front: Floats, behind: Floats) -> Floats:
     return np.concatenate([front[..., :3] + through * behind[..., :3], through * behind[..., 3:]], axis=-1)
 
 
-def blended(stack: Stack, kept: NDArray[np.bool_]) -> Floats:
-    """The kept layers blended in order, over what is opaque: C = Ai Ci + (1 - Ai) C, the farthest first."""
-    color = stack.behind
+def blended(stack: Stack, kept: NDArray[np.bool_], behind: Floats | None = None) -> Floats:
+    """The kept layers blended in order, over `behind` or what is opaque: C = Ai Ci + (1 - Ai) C, the farthest first."""
+    color = stack.behind if behind is None else behind
     for k in reversed(range(kept.shape[1])):
         alpha = np.where(kept[:, k], stack.color[:, k, 3], 0.0)[:, None]
         color = over(np.concatenate([alpha * stack.color[:, k, :3], 1 - alpha], axis=1), color)
@@ -442,13 +442,14 @@ def in_order(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Opt
     return blended(stack, peeled(stack, technique, options)), {}
 
 
-def _sums(stack: Stack, options: Options) -> tuple[Floats, Floats, Floats]:
+def _sums(stack: Stack, options: Options, of: NDArray[np.bool_] | None = None) -> tuple[Floats, Floats, Floats]:
     """sum(Ai Ci) [samples, 3], sum(Ai) and n [samples, 1] of transparent fragments. 8 bits hold sums up to 1."""
-    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    of = stack.transparent if of is None else of
+    alpha = np.where(of, stack.color[..., 3], 0.0)
     colors, alphas = (alpha[..., None] * stack.color[..., :3]).sum(axis=1), alpha.sum(axis=1, keepdims=True)
     if getattr(options, "precision", "") == "unorm8":
         colors, alphas = np.minimum(colors, 1.0), np.minimum(alphas, 1.0)
-    return colors, alphas, stack.transparent.sum(axis=1, keepdims=True)
+    return colors, alphas, of.sum(axis=1, keepdims=True)
 
 
 def weighted_sum(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
@@ -459,10 +460,23 @@ def weighted_sum(stack: Stack, wanted: Wanted, technique: AnyTechnique, options:
 
 def weighted_average(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """C A (1 - (1 - A)^n) / A + C0 (1 - A)^n with the average colour C and alpha A (Bavoil and Myers 2008)."""
-    colors, alphas, n = _sums(stack, options)
+    return over(_average(*_sums(stack, options)), stack.behind), {}
+
+
+def _average(colors: Floats, alphas: Floats, n: Floats) -> Floats:
+    """The layer that stands for n of the average colour and alpha, from their sums: [samples, 4]."""
     through = (1 - alphas / np.maximum(n, 1)) ** n
     share = np.divide(1 - through, alphas, out=np.zeros_like(alphas), where=alphas > 0)
-    return over(np.concatenate([colors * share, through], axis=1), stack.behind), {}
+    return np.concatenate([colors * share, through], axis=1)
+
+
+def k_buffer(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """The nearest or the first k layers in order, over the weighted average of the others (Maule et al. 2013)."""
+    there, k = stack.transparent, getattr(options, "kept_layers", 8)
+    place = stack.face if getattr(options, "kept_by", "depth") == "arrival" else np.arange(there.shape[1])[None]
+    kept = there & ((there[:, None] & (place[:, None] < place[..., None])).sum(axis=2) < k)
+    rest = there & ~kept & (getattr(options, "tail", "") != "none")
+    return blended(stack, kept, over(_average(*_sums(stack, options, rest)), stack.behind)), {}
 
 
 def weighted_blended(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
@@ -539,6 +553,7 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "weighted-sum": weighted_sum,
     "weighted-average": weighted_average,
     "weighted-blended": weighted_blended,
+    "k-buffer": k_buffer,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

@@ -515,6 +515,7 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
     if test.request.technique.name == "weighted-blended":
         return np.where(layers > 1, bound + WEIGHT_ROUNDINGS * ROUNDING, bound + 8 * ROUNDING)
+    layers = np.maximum(layers - getattr(test.options, "kept_layers", 0), 0)
     dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
     return np.where(exact & dyadic, 0.0, bound)
 

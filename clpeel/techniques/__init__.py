@@ -10,6 +10,7 @@ from clpeel.options import SHARE, Options, option, options_of
 from clpeel.techniques.depth_peeling import DepthPeeling
 from clpeel.techniques.dual_depth_peeling import DualDepthPeeling
 from clpeel.techniques.glowscript import Glowscript
+from clpeel.techniques.k_buffer import KBuffer
 from clpeel.techniques.layer_count import LayerCount
 from clpeel.techniques.multi_layer_peeling import MultiLayerPeeling
 from clpeel.techniques.precision import Bounded
@@ -37,6 +38,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         WeightedAverage(),
         WeightedSum(),
         WeightedBlended(),
+        KBuffer(),
         LayerCount(),
     )
 }
