@@ -93,3 +93,7 @@ class Keywords(TypedDict, total=False):
     """Of k-buffer: keep the nearest layers, or the first to arrive."""
     tail: Literal["weighted-average", "none"]
     """Of k-buffer: average the other layers, or leave them out."""
+    wavelet_rank: Literal[2, 3]
+    """Of wavelet: its finest level; 2 has 8 cells of depth, 3 has 16 (default: 3)."""
+    wavelet_range: Literal["pixel", "scene"]
+    """Of wavelet: cells lie between each pixel's first and last layer, or the clipping planes."""

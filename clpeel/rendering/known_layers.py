@@ -496,6 +496,44 @@ def weighted_blended(stack: Stack, wanted: Wanted, technique: AnyTechnique, opti
     return over(np.concatenate([mean * (1 - through), through], axis=1), stack.behind), {}
 
 
+def wavelet(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(wi Ci) / sum(wi) (1 - R) + C0 R with wi = Ai e^-A(xi) (Aizenshtein, Smal and McGuire 2022).
+
+    A(x) is the sum of the absorbances before x, as Haar wavelets give it, linear from the end of a cell to that of the
+    next. 8 bits hold sums up to 1.
+    """
+    cells, most = 2 ** (getattr(options, "wavelet_rank", 3) + 1), np.inf
+    if getattr(options, "precision", "") == "unorm8":
+        most = 1.0
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    absorbed = -np.log(np.maximum(1 - alpha, 2.0**-17))
+    first, end = wavelet_range(stack, options)
+    x = np.clip((stack.distance - first) / np.where(end > first, end - first, np.inf), 0, 1) * (cells - 1)
+    x = np.where(stack.transparent, x, 0.0)
+    means = np.minimum((absorbed * (1 - x / cells)).sum(axis=1, keepdims=True), most)
+    while (size := means.shape[1]) < cells:
+        off = np.abs(x[..., None] * size / cells - np.arange(size) - 0.5)
+        share = np.minimum((absorbed[..., None] * np.maximum(0.5 - off, 0)).sum(axis=1), most)
+        means = np.stack([means - share, means + share], axis=-1).reshape(len(x), 2 * size)
+    before = np.pad(means, ((0, 0), (1, 0)))  # nothing is absorbed before the first cell
+    at = np.floor(x).astype(int)
+    here, there = np.take_along_axis(before, at, axis=1), np.take_along_axis(before, at + 1, axis=1)
+    front = here + (there - here) * (x - at) - absorbed * (x - at) * (1 - (x - at))  # without the layer's own
+    weight = np.minimum(alpha * np.exp(-np.clip(front, 0, 60)), most)
+    through, total = (1 - alpha).prod(axis=1, keepdims=True), np.minimum(weight.sum(axis=1, keepdims=True), most)
+    colors = np.minimum((weight[..., None] * stack.color[..., :3]).sum(axis=1), most)
+    mean = np.divide(colors, total, out=np.zeros_like(colors), where=total > 0)
+    return over(np.concatenate([mean * (1 - through), through], axis=1), stack.behind), {}
+
+
+def wavelet_range(stack: Stack, options: Options) -> tuple[Floats, Floats]:
+    """The distances where wavelets begin and end, [samples, 1] each. Where there is no layer, they mean nothing."""
+    if getattr(options, "wavelet_range", "pixel") == "scene":
+        return np.full((len(stack.distance), 1), NEAR), np.full((len(stack.distance), 1), FAR)
+    first = np.where(stack.transparent, stack.distance, FAR).min(axis=1, keepdims=True)
+    return first, np.where(stack.transparent, stack.distance, NEAR).max(axis=1, keepdims=True)
+
+
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """How many fragments a sample has."""
     return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
@@ -554,6 +592,7 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "weighted-average": weighted_average,
     "weighted-blended": weighted_blended,
     "k-buffer": k_buffer,
+    "wavelet": wavelet,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

@@ -18,6 +18,7 @@ from clpeel.techniques.sort import Sort
 from clpeel.techniques.technique import Technique as Technique
 from clpeel.techniques.thickness import Thickness
 from clpeel.techniques.translucency import Translucency
+from clpeel.techniques.wavelet import Wavelet
 from clpeel.techniques.weighted_average import WeightedAverage
 from clpeel.techniques.weighted_blended import WeightedBlended
 from clpeel.techniques.weighted_sum import WeightedSum
@@ -39,6 +40,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         WeightedSum(),
         WeightedBlended(),
         KBuffer(),
+        Wavelet(),
         LayerCount(),
     )
 }
