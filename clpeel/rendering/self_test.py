@@ -528,8 +528,8 @@ def _wavelet_bound(stack: Stack, test: _Test) -> Floats:
 
     If the absorbances before layers are off by d, so are the weights, as shares, and the mean is off by 2 d. From cell
     to cell an absorbance grows by S at most, the sum of all. So d is S times the error of a place in cells, and a
-    rounding of S for each addend. Buffers of few bytes round five wavelets a layer, of which each counts once. They also round
-    the sum of the weights. This is at least the nearest layer's alpha, or e^-S of it where others may hide it.
+    rounding of S for each addend. Buffers of few bytes round five wavelets a layer, of which each counts once. They
+    also round the sum of the weights. It is at least the nearest layer's alpha, or e^-S of it where others may hide it.
     """
     rank, in_scene = getattr(test.options, "wavelet_rank", 3), getattr(test.options, "wavelet_range", "") == "scene"
     cells, layers = 2 << rank, stack.transparent.sum(axis=1)

@@ -54,7 +54,7 @@ class KBuffer(Technique[KBufferOptions]):
     kernel = "techniques/k-buffer.cl"
     options = KBufferOptions
     least_passes = 1
-    paper_precision = "unorm8"
+    paper_precision = "half"
     stores_fragments = True
 
     def passes_for(self, layers: Count, options: KBufferOptions) -> Count:

@@ -14,6 +14,11 @@
 //
 // All lanes insert fragments in the same order, so all leave them over in the same order. The sums of the tail, which depend
 // on it, thus have the same bits on every shape of device.
+#ifndef KEPT_LAYERS
+#define KEPT_LAYERS 8
+#define BY_ARRIVAL 0
+#define AVERAGED 1
+#endif
 #if !AVERAGED
 #define CUT_AFTER KEPT_LAYERS
 #endif

@@ -19,6 +19,11 @@
 //
 //   parameters    the depths at x = 0 and at x = CELLS - 1, unless they are those of each pixel (PIXEL_RANGE); the scale of
 //                 depths (fragments/depth.h)
+#ifndef WAVELET_RANK
+#define WAVELET_RANK 3
+#define PIXEL_RANGE 1
+#define PERSPECTIVE 1
+#endif
 #include "fragments/absorbance.h"
 #include "fragments/blending.h"
 #include "fragments/colors.h"

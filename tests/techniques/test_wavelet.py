@@ -137,11 +137,11 @@ def test_where_it_is_exact(rank: int, lanes: int) -> None:
 
 
 def test_how_bad_it_gets(lanes: int) -> None:
-    """Two surfaces in one cell look like their mean. docs/techniques.md has these numbers.
+    """Two surfaces in one cell look like their mean; docs/techniques.md has these numbers.
 
     Red lies in the middle of a cell, and green d of a cell behind it. Half of what red absorbs counts in that cell, and
-    1/2 - d of what green does, and A is 1/2 and 1/2 + d of the way to that. So the two are hidden by amounts that differ
-    by d of an absorbance, and red weighs e^(d a) times as much as green.
+    1/2 - d of what green does, and A is 1/2 and 1/2 + d of the way to that. So what hides the two differs by d of an
+    absorbance, and red weighs e^(d a) times as much as green.
     """
     for alpha, coverage in ((1.0, 1.0), (0.5, 0.75)):
         absorbed = min(-np.log(max(1 - alpha, 1e-9)), HIDES)
@@ -193,8 +193,8 @@ def test_extremes(lanes: int) -> None:
         got = shown(np.r_[[[1, 0, 0, 1]], np.full((count - 1, 4), (0, 1, 0, 1))], at, lanes)
         assert got[3] == 1 and np.isfinite(got).all() and got[0] + got[1] == pytest.approx(1, abs=1e-5)
         assert got[0] == pytest.approx(1, abs=1e-4) or count > 16
-    # They do so at one depth, too, where each of them hides the others, and where a layer in front is all but clear.
-    alike = shown(np.full((3000, 4), (0.25, 0.5, 1, 1)), np.full(3000, 3.0), lanes, wavelet_range="scene")
+    # They do so at one depth, too, where each is hidden by all the others: in the middle of a cell of 0.5, from 0.5 on.
+    alike = shown(np.full((3000, 4), (0.25, 0.5, 1, 1)), np.full(3000, 3.25), lanes, wavelet_range="scene")
     assert alike == pytest.approx([0.25, 0.5, 1, 1], abs=1e-3)
     # Thousands of thin layers, all alike, are what they are.
     for n, alpha in ((3000, 1 / 255), (65_536, 2.0**-20)):
