@@ -40,7 +40,8 @@
 // Keeps fragments of one pixel in the first places of its list, in their order, and leaves the others in the places behind.
 INLINE void keep_in_place(global ulong *list, uint step, uint count)
 {
-    PLAIN_LOOP for (uint i = 1; i < count && KEPT_LAYERS > 0; ++i) {
+    if (KEPT_LAYERS == 0) return;
+    PLAIN_LOOP for (uint i = 1; i < count; ++i) {
         ulong arrived = list[(size_t)i * step];
         uint at = i;
         if (i >= KEPT_LAYERS) {
@@ -76,7 +77,9 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
         uint row_count = MIN(deepest - first, (uint)ROWS);
         for (uint row = 0; row < row_count; ++row) {
             VECTOR(ulong) left = rows[row];
-            for (uint k = 0; k < KEPT_LAYERS && !(BY_ARRIVAL && first + row >= KEPT_LAYERS); ++k) exchange(held + k, &left);
+            bool arrives_late = first + row >= KEPT_LAYERS;
+            if (!BY_ARRIVAL || !arrives_late)
+                for (uint k = 0; k < KEPT_LAYERS; ++k) exchange(held + k, &left);
             rows[row] = left;
         }
         if (AVERAGED && first + row_count > KEPT_LAYERS) {
@@ -90,13 +93,14 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     STRIP_LOOP for (int k = 0; k < STRIP; ++k)
         keep_in_place(fragments + ELEMENT(uint, begin, k), step, ELEMENT(uint, count, k));
     BLEND_ROWS(load_rows(fragments, begin, step, kept, k, &fragment))
-    PLAIN_LOOP for (uint k = KEPT_LAYERS; k < deepest && AVERAGED; ++k) {
-        Colors source;
-        VECTOR(ulong) fragment;
-        load_rows(fragments, begin, step, count, k, &fragment);
-        fetch_colors(&fragment, 1, colors, &source);
-        blend_add(&tail, &source);
-    }
+    if (AVERAGED)
+        PLAIN_LOOP for (uint k = KEPT_LAYERS; k < deepest; ++k) {
+            Colors source;
+            VECTOR(ulong) fragment;
+            load_rows(fragments, begin, step, count, k, &fragment);
+            fetch_colors(&fragment, 1, colors, &source);
+            blend_add(&tail, &source);
+        }
 #endif
     read_color(&front, resolved);
     if (AVERAGED) {
