@@ -141,19 +141,26 @@ def _choices(annotation: object) -> tuple[str | int, ...]:
 # --- the kinds of values ----------------------------------------------------------------------------------------------
 
 
-def count(most: int) -> Kind:
-    """Return the kind of a whole number 1..most."""
-    return Kind(lambda name, value: checks.whole_number(name, value, most), read_count, "N")
+def count(most: int, least: int = 1) -> Kind:
+    """Return the kind of a whole number least..most. least: 0 or 1."""
+    return Kind(
+        lambda name, value: checks.whole_number(name, value, most, least), read_count if least else _read_whole, "N"
+    )
 
 
 def read_count(text: str) -> int:
     """Read a whole number of 1 or more, or raise InputError."""
+    return _read_whole(text, 1)
+
+
+def _read_whole(text: str, least: int = 0) -> int:
+    """Read a whole number of `least` or more, or raise InputError."""
     try:
         value = int(text)
     except ValueError:
-        value = 0
-    if value < 1:
-        raise InputError(f"expected a whole number of 1 or more, got '{text}'")
+        value = least - 1
+    if value < least:
+        raise InputError(f"expected a whole number of {least} or more, got '{text}'")
     return value
 
 

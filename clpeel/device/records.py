@@ -169,7 +169,7 @@ ONE_PASS_TOTALS = np.dtype(
         ("fragments", np.uint32),
         ("layers", np.uint32),  # fragments of the deepest pixel
         ("opaque", np.uint32),  # samples with an opaque surface
-        ("spare", np.uint32),
+        ("truncated", np.uint32),  # samples with fragments that are lost
     ]
 )
 """What one pass counts of a tile: a uint4 (one_pass.h)."""

@@ -87,3 +87,13 @@ class Keywords(TypedDict, total=False):
     """Of the light behind the scene (default: a warm white)."""
     weight: Literal["7", "8", "9", "10"]
     """Of weighted-blended: the paper's equation for weights (default: 10)."""
+    kept_layers: int
+    """Of k-buffer: layers that are kept and sorted (default: 8)."""
+    kept_by: Literal["depth", "arrival"]
+    """Of k-buffer: keep the nearest layers, or the first to arrive."""
+    tail: Literal["weighted-average", "none"]
+    """Of k-buffer: average the other layers, or leave them out."""
+    wavelet_rank: Literal[2, 3]
+    """Of wavelet: its finest level; 2 has 8 cells of depth, 3 has 16 (default: 3)."""
+    wavelet_range: Literal["pixel", "scene"]
+    """Of wavelet: cells lie between each pixel's first and last layer, or the clipping planes."""

@@ -404,9 +404,9 @@ def over(front: Floats, behind: Floats) -> Floats:
     return np.concatenate([front[..., :3] + through * behind[..., :3], through * behind[..., 3:]], axis=-1)
 
 
-def blended(stack: Stack, kept: NDArray[np.bool_]) -> Floats:
-    """The kept layers blended in order, over what is opaque: C = Ai Ci + (1 - Ai) C, the farthest first."""
-    color = stack.behind
+def blended(stack: Stack, kept: NDArray[np.bool_], behind: Floats | None = None) -> Floats:
+    """The kept layers blended in order, over `behind` or what is opaque: C = Ai Ci + (1 - Ai) C, the farthest first."""
+    color = stack.behind if behind is None else behind
     for k in reversed(range(kept.shape[1])):
         alpha = np.where(kept[:, k], stack.color[:, k, 3], 0.0)[:, None]
         color = over(np.concatenate([alpha * stack.color[:, k, :3], 1 - alpha], axis=1), color)
@@ -442,13 +442,14 @@ def in_order(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Opt
     return blended(stack, peeled(stack, technique, options)), {}
 
 
-def _sums(stack: Stack, options: Options) -> tuple[Floats, Floats, Floats]:
+def _sums(stack: Stack, options: Options, of: NDArray[np.bool_] | None = None) -> tuple[Floats, Floats, Floats]:
     """sum(Ai Ci) [samples, 3], sum(Ai) and n [samples, 1] of transparent fragments. 8 bits hold sums up to 1."""
-    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    of = stack.transparent if of is None else of
+    alpha = np.where(of, stack.color[..., 3], 0.0)
     colors, alphas = (alpha[..., None] * stack.color[..., :3]).sum(axis=1), alpha.sum(axis=1, keepdims=True)
     if getattr(options, "precision", "") == "unorm8":
         colors, alphas = np.minimum(colors, 1.0), np.minimum(alphas, 1.0)
-    return colors, alphas, stack.transparent.sum(axis=1, keepdims=True)
+    return colors, alphas, of.sum(axis=1, keepdims=True)
 
 
 def weighted_sum(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
@@ -459,10 +460,23 @@ def weighted_sum(stack: Stack, wanted: Wanted, technique: AnyTechnique, options:
 
 def weighted_average(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """C A (1 - (1 - A)^n) / A + C0 (1 - A)^n with the average colour C and alpha A (Bavoil and Myers 2008)."""
-    colors, alphas, n = _sums(stack, options)
+    return over(_average(*_sums(stack, options)), stack.behind), {}
+
+
+def _average(colors: Floats, alphas: Floats, n: Floats) -> Floats:
+    """The layer that stands for n of the average colour and alpha, from their sums: [samples, 4]."""
     through = (1 - alphas / np.maximum(n, 1)) ** n
     share = np.divide(1 - through, alphas, out=np.zeros_like(alphas), where=alphas > 0)
-    return over(np.concatenate([colors * share, through], axis=1), stack.behind), {}
+    return np.concatenate([colors * share, through], axis=1)
+
+
+def k_buffer(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """The nearest or the first k layers in order, over the weighted average of the others (Maule et al. 2013)."""
+    there, k = stack.transparent, getattr(options, "kept_layers", 8)
+    place = stack.face if getattr(options, "kept_by", "depth") == "arrival" else np.arange(there.shape[1])[None]
+    kept = there & ((there[:, None] & (place[:, None] < place[..., None])).sum(axis=2) < k)
+    rest = there & ~kept & (getattr(options, "tail", "") != "none")
+    return blended(stack, kept, over(_average(*_sums(stack, options, rest)), stack.behind)), {}
 
 
 def weighted_blended(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
@@ -480,6 +494,44 @@ def weighted_blended(stack: Stack, wanted: Wanted, technique: AnyTechnique, opti
     colors = (weight[..., None] * stack.color[..., :3]).sum(axis=1)
     mean = np.divide(colors, total, out=np.zeros_like(colors), where=total > 0)
     return over(np.concatenate([mean * (1 - through), through], axis=1), stack.behind), {}
+
+
+def wavelet(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(wi Ci) / sum(wi) (1 - R) + C0 R with wi = Ai e^-A(xi) (Aizenshtein, Smal and McGuire 2022).
+
+    A(x) is the sum of the absorbances before x, as Haar wavelets give it, linear from the end of a cell to that of the
+    next. 8 bits hold sums up to 1.
+    """
+    cells, most = 2 ** (getattr(options, "wavelet_rank", 3) + 1), np.inf
+    if getattr(options, "precision", "") == "unorm8":
+        most = 1.0
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    absorbed = -np.log(np.maximum(1 - alpha, 2.0**-17))
+    first, end = wavelet_range(stack, options)
+    x = np.clip((stack.distance - first) / np.where(end > first, end - first, np.inf), 0, 1) * (cells - 1)
+    x = np.where(stack.transparent, x, 0.0)
+    means = np.minimum((absorbed * (1 - x / cells)).sum(axis=1, keepdims=True), most)
+    while (size := means.shape[1]) < cells:
+        off = np.abs(x[..., None] * size / cells - np.arange(size) - 0.5)
+        share = np.minimum((absorbed[..., None] * np.maximum(0.5 - off, 0)).sum(axis=1), most)
+        means = np.stack([means - share, means + share], axis=-1).reshape(len(x), 2 * size)
+    before = np.pad(means, ((0, 0), (1, 0)))  # nothing is absorbed before the first cell
+    at = np.floor(x).astype(int)
+    here, there = np.take_along_axis(before, at, axis=1), np.take_along_axis(before, at + 1, axis=1)
+    front = here + (there - here) * (x - at) - absorbed * (x - at) * (1 - (x - at))  # without the layer's own
+    weight = np.minimum(alpha * np.exp(-np.clip(front, 0, 60)), most)
+    through, total = (1 - alpha).prod(axis=1, keepdims=True), np.minimum(weight.sum(axis=1, keepdims=True), most)
+    colors = np.minimum((weight[..., None] * stack.color[..., :3]).sum(axis=1), most)
+    mean = np.divide(colors, total, out=np.zeros_like(colors), where=total > 0)
+    return over(np.concatenate([mean * (1 - through), through], axis=1), stack.behind), {}
+
+
+def wavelet_range(stack: Stack, options: Options) -> tuple[Floats, Floats]:
+    """The distances where wavelets begin and end, [samples, 1] each. Where there is no layer, they mean nothing."""
+    if getattr(options, "wavelet_range", "pixel") == "scene":
+        return np.full((len(stack.distance), 1), NEAR), np.full((len(stack.distance), 1), FAR)
+    first = np.where(stack.transparent, stack.distance, FAR).min(axis=1, keepdims=True)
+    return first, np.where(stack.transparent, stack.distance, NEAR).max(axis=1, keepdims=True)
 
 
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
@@ -539,6 +591,8 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "weighted-sum": weighted_sum,
     "weighted-average": weighted_average,
     "weighted-blended": weighted_blended,
+    "k-buffer": k_buffer,
+    "wavelet": wavelet,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

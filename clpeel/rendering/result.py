@@ -134,7 +134,7 @@ def left_out(stats: Mapping[str, Any], bounded: bool) -> Iterator[str]:
     if stats.get("truncated_pixels") and not bounded and "auto" not in stats:
         unit = "samples" if stats["samples"] > 1 else "pixels"
         yield (
-            f"{stats['truncated_pixels']:,} {unit} have more layers than the passes peeled; "
+            f"{stats['truncated_pixels']:,} {unit} have more layers than were drawn; "
             f"those change no channel by more than {stats['truncation_bound']:.3g} of 1"
         )
 

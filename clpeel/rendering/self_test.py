@@ -35,6 +35,7 @@ from clpeel.rendering.known_layers import (
     lost,
     peeled,
     stack_of,
+    wavelet_range,
 )
 from clpeel.rendering.request import Request
 from clpeel.rendering.shown_errors import ENCODING, error_of, rounding_of
@@ -42,7 +43,7 @@ from clpeel.scene.textures import linear, srgb
 from clpeel.stages.counting import count_layers
 from clpeel.stages.upload import upload
 from clpeel.techniques import ERROR_BOUND
-from clpeel.techniques.precision import DEFAULT_PRECISION, blending_bound
+from clpeel.techniques.precision import DEFAULT_PRECISION, PRECISIONS, blending_bound
 
 if TYPE_CHECKING:
     from clpeel.rendering.renderer import Renderer
@@ -327,8 +328,32 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
     if test.request.technique.name == "weighted-blended":
         return np.where(layers > 1, bound + WEIGHT_ROUNDINGS * ROUNDING, bound + 8 * ROUNDING)
+    if test.request.technique.name == "wavelet":
+        return bound + _wavelet_bound(stack, test)
+    layers = np.maximum(layers - getattr(test.options, "kept_layers", 0), 0)
     dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
     return np.where(exact & dyadic, 0.0, bound)
+
+
+def _wavelet_bound(stack: Stack, test: _Test) -> Floats:
+    """How far off the mean colour of wavelet is: [samples].
+
+    If the absorbances before layers are off by d, so are the weights, as shares, and the mean is off by 2 d. From cell
+    to cell an absorbance grows by S at most, the sum of all. So d is S times the error of a place in cells, and a
+    rounding of S for each addend. Buffers of few bytes round five wavelets a layer, of which each counts once. They
+    also round the sum of the weights. It is at least the nearest layer's alpha, or e^-S of it where others may hide it.
+    """
+    rank, in_scene = getattr(test.options, "wavelet_rank", 3), getattr(test.options, "wavelet_range", "") == "scene"
+    cells, layers = 2 << rank, stack.transparent.sum(axis=1)
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    absorbed = -np.log(np.maximum(1 - alpha, 2.0**-17)).sum(axis=1)
+    first, end = (each[:, 0] for each in wavelet_range(stack, test.options))
+    place = np.where(end > first, cells * 2 * length_bound(test) / np.maximum(end - first, CLOSE), 0.0)
+    rounding = PRECISIONS[getattr(test.options, "precision", DEFAULT_PRECISION)].rounding
+    off = absorbed * (place + (layers + cells + 16) * ROUNDING)
+    off += 5 * layers * rounding * np.maximum(absorbed, 1)
+    least = np.maximum(alpha[:, 0], 1 / 255) * np.exp(-absorbed * in_scene)
+    return np.where(layers > 0, 2 * off + 2 * layers * rounding / least + 16 * ROUNDING, 0.0)
 
 
 WEIGHT_ROUNDINGS = 2048

@@ -103,7 +103,10 @@ def draw_once(
         layers_max = int(totals["layers"].max())
         if layers_max + LIST_GAP <= slab:
             fragments = int(totals["fragments"].sum(dtype=np.int64))
-            return Drawn(fragments, layers_max, (fragments,), opaque_samples=int(totals["opaque"].sum(dtype=np.int64)))
+            truncated = int(totals["truncated"].sum(dtype=np.int64))
+            opaque = int(totals["opaque"].sum(dtype=np.int64))
+            # How much is in front of lost fragments is not known, so all of the picture may hide behind them.
+            return Drawn(fragments, layers_max, (fragments,), truncated, float(truncated > 0), opaque)
         if layers_max + LIST_GAP > capacity:
             raise too_deep(layers_max, capacity - LIST_GAP)
         # The kernel skipped tiles with a pixel that no slab can hold. Draw these tiles again, with fewer, larger slabs.

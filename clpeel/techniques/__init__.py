@@ -10,6 +10,7 @@ from clpeel.options import SHARE, Options, option, options_of
 from clpeel.techniques.depth_peeling import DepthPeeling
 from clpeel.techniques.dual_depth_peeling import DualDepthPeeling
 from clpeel.techniques.glowscript import Glowscript
+from clpeel.techniques.k_buffer import KBuffer
 from clpeel.techniques.layer_count import LayerCount
 from clpeel.techniques.multi_layer_peeling import MultiLayerPeeling
 from clpeel.techniques.precision import Bounded
@@ -17,6 +18,7 @@ from clpeel.techniques.sort import Sort
 from clpeel.techniques.technique import Technique as Technique
 from clpeel.techniques.thickness import Thickness
 from clpeel.techniques.translucency import Translucency
+from clpeel.techniques.wavelet import Wavelet
 from clpeel.techniques.weighted_average import WeightedAverage
 from clpeel.techniques.weighted_blended import WeightedBlended
 from clpeel.techniques.weighted_sum import WeightedSum
@@ -37,6 +39,8 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         WeightedAverage(),
         WeightedSum(),
         WeightedBlended(),
+        KBuffer(),
+        Wavelet(),
         LayerCount(),
     )
 }

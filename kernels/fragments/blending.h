@@ -93,6 +93,19 @@ INLINE void blend_under(Colors *destination, const Colors *source)
     destination->alpha = KEPT(destination->alpha * (1.0f - source->alpha));
 }
 
+// After how many layers blending may stop: as many as one lane has in registers. It is the same for several lanes. Where
+// an alpha is interpolated, it may exceed 1 by a rounding. Then the transmittance is less than zero, and one layer more
+// changes a bit.
+#define SEEN_EVERY 8
+
+// Whether any pixel of a strip has more transmittance than `least_seen`.
+INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
+{
+    bool seen = false;
+    STRIP_LOOP for (int k = 0; k < STRIP; ++k) seen |= ((const float *)&transmittance)[k] > least_seen;
+    return seen;
+}
+
 // Over blending, back to front (Bavoil and Myers 2008, first equation of "Under Blending"). Tdst is the transmittance:
 //   Cdst = Asrc Csrc + (1 - Asrc) Cdst,   Tdst = (1 - Asrc) Tdst.
 INLINE void blend_over(Colors *destination, const Colors *source)

@@ -17,12 +17,16 @@
 // This blends the fragments of a strip into `resolved`, which comes with premultiplied colour 0 and transmittance 1.
 // The count[k] fragments of pixel k are at begin[k], begin[k] + step, ... A technique with VALUES gets two arguments
 // more, (..., resolved, parameters, found): numbers of its own, and where it puts what it finds besides colours
-// (stages/composite.h), which comes as NOTHING. One with PARAMETERS gets (..., resolved, parameters).
+// (stages/composite.h), which comes as NOTHING. One with PARAMETERS gets (..., resolved, parameters). One that loses what is
+// behind so many fragments of a pixel says so by CUT_AFTER; the pixels where it does are counted.
 #ifndef DRAW_H
 #define DRAW_H
 
 #ifndef PARAMETERS
 #define PARAMETERS 0
+#endif
+#ifndef CUT_AFTER
+#define CUT_AFTER ~0u
 #endif
 
 #include "stages/opaque.h"
@@ -39,7 +43,7 @@ INLINE void put_where(VECTOR(int) here, const Colors *strip, local Colors *place
 // layers_before: 0, or else only tiles whose deepest pixel has more layers than this are drawn; the launch before has
 // put that number into tile_totals. rows, slab: layers of a strip, and fragments of a group, that there is room for.
 // tile_totals, one for each tile of the batch: x fragments, y layers of the deepest pixel, z samples with an opaque
-// surface.
+// surface, w pixels with fragments that are lost.
 kernel void draw(global const Triangle *triangles, global const uint *pair_start, global const uint *pairs, Screen screen,
                  volatile global uint *next_tile, uint to_tile, global const uint *faces, global const void *palette,
                  global const float *weights, global const float *normals, global const float *uv,
@@ -61,7 +65,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
 #endif
     // Where each pixel's list ends among those of the tile: inclusive prefix sums of the lengths, gaps included.
     local uint ends[TILE_PIXELS] __attribute__((aligned(64)));
-    local uint taken, total, deepest, solid;
+    local uint taken, total, deepest, solid, cut;
 #if LANES > 1
     local VECTOR(ulong) z_far[KEPT_STRIPS];
     local Colors *behind = layer;  // what is resolved is put over it
@@ -74,7 +78,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
     if (scratch) scratch += own_slab;
     if (FRAGMENT_COLOR) colors += own_slab;
     for (;;) {
-        if (LANE == 0) taken = atomic_inc(next_tile), total = deepest = solid = 0;
+        if (LANE == 0) taken = atomic_inc(next_tile), total = deepest = solid = cut = 0;
         BARRIER;
         uint tile = UNIFORM(taken);
         if (tile >= to_tile) break;
@@ -128,7 +132,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             }
             emit_tile(batch, shading, tile, begin, blocks, z_far, &layout, next, fragments, colors, 0);
 
-            uint sum = 0, most = 0;
+            uint sum = 0, most = 0, losing = 0;
             for (uint own = 0; own < STRIPS_A_LANE; ++own) {
                 uint strip = own * LANES + lane, p = strip * STRIP;
                 VECTOR(uint) pixel = (VECTOR(uint))(p) + (VECTOR(uint))(IOTA), begin, count;
@@ -146,6 +150,7 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
                     uint layers = largest(count);
                     STRIP_LOOP for (int k = 0; k < STRIP; ++k) sum += ((const uint *)&count)[k];
                     most = MAX(most, layers);
+                    losing += POPCOUNT(BITS_OF(count > (VECTOR(uint))(CUT_AFTER)));
                     VECTOR(int) listed = count > (VECTOR(uint))(0) && (VECTOR(int))(layers > held ? -1 : 0);
                     // A strip with too many layers is left to the lists: the lengths of its lists are noted here, and
                     // summed below.
@@ -177,10 +182,11 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
             if (!lists) {
                 atomic_add(&total, sum);
                 atomic_max(&deepest, most);
+                if (losing) atomic_add(&cut, losing);
                 BARRIER;
                 if (deepest > held && deepest + LIST_GAP <= slab) first = 0, lists = true;
                 if (lane == 0) {
-                    tile_totals[tile] = (uint4)(total, deepest, solid, 0);
+                    tile_totals[tile] = (uint4)(total, deepest, solid, cut);
                     PLAIN_LOOP for (uint p = 1; lists && p < TILE_PIXELS; ++p) ends[p] += ends[p - 1];
                 }
                 BARRIER;

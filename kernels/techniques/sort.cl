@@ -5,23 +5,11 @@
 // then also the most that the fragments behind can change (stages/composite.h).
 #include "fragments/sorting.h"
 
-// After how many layers blending may stop: as many as one lane has in registers. It is the same for several lanes. Where
-// an alpha is interpolated, it may exceed 1 by a rounding. Then the transmittance is less than zero, and one layer more
-// changes a bit.
-#define SEEN_EVERY 8
 #if RUN == 1
 #define MAY_BE_SEEN(transmittance) true
 #else
 #define MAY_BE_SEEN(transmittance) is_seen(transmittance, least_seen)
 #endif
-
-// Whether any pixel of a strip has more transmittance than `least_seen`.
-INLINE bool is_seen(VECTOR(float) transmittance, float least_seen)
-{
-    bool seen = false;
-    STRIP_LOOP for (int k = 0; k < STRIP; ++k) seen |= ((const float *)&transmittance)[k] > least_seen;
-    return seen;
-}
 
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
                           VECTOR(uint) count, global const void *colors, Colors *resolved

@@ -97,6 +97,9 @@ OTHERS = [
     ("stages/expand.cl", {"LOW_POSITIONS": 1}),
     ("stages/wires.cl", {"LOW_POSITIONS": 1}),
     ("techniques/sort.cl", {"BEHIND": 1}),
+    ("techniques/k-buffer.cl", {"KEPT_LAYERS": 0, "BY_ARRIVAL": 0, "AVERAGED": 1}),
+    ("techniques/k-buffer.cl", {"KEPT_LAYERS": 64, "BY_ARRIVAL": 1, "AVERAGED": 0}),
+    ("techniques/wavelet.cl", {"WAVELET_RANK": 2, "PIXEL_RANGE": 0, "PERSPECTIVE": 0}),
     *((f"techniques/{name}.cl", {**targets.constants, **more}) for name, targets, more in BY_PASSES),
 ]
 

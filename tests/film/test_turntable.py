@@ -79,7 +79,7 @@ def test_options_are_those_of_render(scene: clpeel.Scene, tmp_path: Path) -> Non
     film = clpeel.turntable(scene, tmp_path / "a#.png", frames=1, size=SIZE, lighting="headlight", **options)
     want = clpeel.render(scene, size=SIZE, lighting="headlight", **options)
     assert (frames_of(tmp_path / "a1.png")[0] == want.image).all()
-    assert len(film.notes) == 1 and "more layers than the passes peeled" in film.notes[0]
+    assert len(film.notes) == 1 and "more layers than were drawn" in film.notes[0]
 
 
 def test_notes_say_in_how_many_frames_they_are() -> None:

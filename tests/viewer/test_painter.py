@@ -248,7 +248,7 @@ def test_what_the_picture_lacks_is_a_note(look: Any) -> None:
     _, status = screen.wait(lambda frame, _: frame.full)
     told = " ".join(status["notes"])
     assert "1 triangles with NaN or infinite vertices were left out" in told
-    assert "pixels have more layers than the passes peeled" in told
+    assert "pixels have more layers than were drawn" in told
 
 
 def test_the_status_has_the_command(look: Any) -> None:

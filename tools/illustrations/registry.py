@@ -86,11 +86,19 @@ TOOLS = (
         "techniques",
         (
             *(f"techniques/{name}.png" for name in ("sort", "glowscript", "thickness", "translucency", "layer-count")),
+            *(f"techniques/{name}.png" for name in ("k-buffer", "wavelet")),
             "techniques/*peeling*.png",
             "techniques/weighted-*.png",
             "complexity/demo.png",
         ),
         "python tools/technique_pictures.py",
+    ),
+    Entry(
+        "kept-layers",
+        ("techniques/kept-layers.png",),
+        "python tools/plot_kept_layers.py",
+        "peers",
+        ("maps", "bench"),
     ),
     Entry(
         "order",
