@@ -87,3 +87,5 @@ class Keywords(TypedDict, total=False):
     """Of the light behind the scene (default: a warm white)."""
     weight: Literal["7", "8", "9", "10"]
     """Of weighted-blended: the paper's equation for weights (default: 10)."""
+    slots: Literal[2, 4, 8, 16]
+    """Of multi-layer-alpha-blending: layers of a pixel that are kept apart (default: 4)."""

@@ -7,7 +7,7 @@ fragments there are, or in which order they lie. All numbers are computed here i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -482,6 +482,32 @@ def weighted_blended(stack: Stack, wanted: Wanted, technique: AnyTechnique, opti
     return over(np.concatenate([mean * (1 - through), through], axis=1), stack.behind), {}
 
 
+def _as_submitted(stack: Stack) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+    """For one face after the other: its place in the order of each sample, [samples, 1], and whether it is there."""
+    for face in range(len(stack.face[0])):
+        there = stack.transparent & (stack.face == face)
+        yield np.argmax(there, axis=1)[:, None], there.any(axis=1, keepdims=True)
+
+
+def multi_layer_alpha_blending(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """Layers (Ai Ci, 1 - Ai, zi), of which the two farthest are blended where there are too many (Salvi 2014)."""
+    count, slots = len(stack.present), getattr(options, "slots", 4)
+    place, layers = np.full((count, slots), np.inf), np.tile((0.0, 0.0, 0.0, 1.0), (count, slots, 1))
+    for k, there in _as_submitted(stack):
+        *color, alpha = np.moveaxis(np.take_along_axis(stack.color, k[..., None], axis=1), -1, 0)
+        new = np.stack([*(alpha * channel for channel in color), 1 - alpha], axis=-1)
+        new = np.where(there[..., None], new, (0.0, 0.0, 0.0, 1.0))
+        place = np.append(place, np.where(there, k, np.inf), axis=1)
+        order = np.argsort(place, axis=1, kind="stable")
+        place = np.take_along_axis(place, order, axis=1)[:, :-1]
+        layers = np.take_along_axis(np.append(layers, new, axis=1), order[..., None], axis=1)
+        layers = np.append(layers[:, :-2], over(layers[:, -2], layers[:, -1])[:, None], axis=1)
+    shown = stack.behind
+    for slot in reversed(range(slots)):
+        shown = over(layers[:, slot], shown)
+    return shown, {}
+
+
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """How many fragments a sample has."""
     return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
@@ -539,6 +565,7 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "weighted-sum": weighted_sum,
     "weighted-average": weighted_average,
     "weighted-blended": weighted_blended,
+    "multi-layer-alpha-blending": multi_layer_alpha_blending,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

@@ -123,6 +123,9 @@ PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
     (layers("face", "mixed"), "weighted-sum", {**LINEAR, "precision": "unorm8"}),
     (layers(), "thickness", {**LINEAR}),
     (layers(), "auto", {**LINEAR}),
+    (layers("face", "mixed", packed=False, cut=True), "multi-layer-alpha-blending", {}),
+    (layers("vertex", cut=True), "multi-layer-alpha-blending", {"slots": 2, "samples": 4, "lighting": "headlight"}),
+    (layers("scene", perspective=False), "multi-layer-alpha-blending", {**LINEAR, "slots": 16, "precision": "unorm8"}),
 ]
 
 
