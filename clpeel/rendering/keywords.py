@@ -89,3 +89,5 @@ class Keywords(TypedDict, total=False):
     """Of weighted-blended: the paper's equation for weights (default: 10)."""
     slots: Literal[2, 4, 8, 16]
     """Of multi-layer-alpha-blending: layers of a pixel that are kept apart (default: 4)."""
+    nodes: Literal[4, 8, 16, 32]
+    """Of adaptive: steps of the curve of visibility (default: 8)."""

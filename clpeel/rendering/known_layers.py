@@ -508,6 +508,47 @@ def multi_layer_alpha_blending(stack: Stack, wanted: Wanted, technique: AnyTechn
     return shown, {}
 
 
+def adaptive(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(Ci Ai vis(zi)), vis being a curve of some steps, of which the least area is lost (Salvi et al. 2011)."""
+    place, through, _ = compressed(stack, options)
+    order = np.arange(stack.present.shape[1])
+    seen = np.where(place[:, None] < order[:, None], through[:, None], 1.0).min(axis=2)
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    colors = ((seen * alpha)[..., None] * stack.color[..., :3]).sum(axis=1)
+    front = np.concatenate([colors, (1 - alpha).prod(axis=1, keepdims=True)], axis=1)
+    return over(front, stack.behind), {}
+
+
+def compressed(stack: Stack, options: Options) -> tuple[Floats, Floats, Floats]:
+    """The curve of visibility of `adaptive`: places of its steps, and what comes through behind them, [samples, nodes].
+
+    A place is that in the order of a sample's layers, or infinity if there is no step. Also returns by how much more
+    area any other step would have lost, [samples]; infinity where none had to go.
+    """
+    count, nodes = len(stack.present), getattr(options, "nodes", 8)
+    place, distance, through = np.full((count, nodes), np.inf), np.zeros((count, nodes)), np.ones((count, nodes))
+    clear = np.full(count, np.inf)
+    for k, there in _as_submitted(stack):
+        left = 1 - np.take_along_axis(stack.color[..., 3], k, axis=1) * there
+        before = np.where(place < k, through, 1.0).min(axis=1, keepdims=True)
+        through = np.append(np.where(place > k, through * left, through), before * left, axis=1)
+        distance = np.append(distance, np.take_along_axis(stack.distance, k, axis=1), axis=1)
+        place = np.append(place, np.where(there, k, np.inf), axis=1)
+        order = np.argsort(place, axis=1, kind="stable")
+        place, distance, through = (np.take_along_axis(each, order, axis=1) for each in (place, distance, through))
+        full = np.isfinite(place[:, -1])
+        with np.errstate(invalid="ignore"):
+            area = -np.diff(distance[:, :-1], axis=1) * np.diff(through[:, :-1], axis=1)
+        area = np.where(full[:, None], area, 0.0)
+        least, second = np.moveaxis(np.sort(area, axis=1)[:, :2], 1, 0)
+        clear = np.where(full, np.minimum(clear, second - least), clear)
+        away = np.where(full, np.argmin(area, axis=1) + 1, nodes)
+        through[full, away[full] - 1] = through[full, away[full]]
+        kept = np.arange(nodes + 1) != away[:, None]
+        place, distance, through = (each[kept].reshape(count, nodes) for each in (place, distance, through))
+    return place, through, clear
+
+
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """How many fragments a sample has."""
     return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
@@ -566,6 +607,7 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "weighted-average": weighted_average,
     "weighted-blended": weighted_blended,
     "multi-layer-alpha-blending": multi_layer_alpha_blending,
+    "adaptive": adaptive,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

@@ -37,6 +37,7 @@ from clpeel.rendering.known_layers import (
     Floats,
     Stack,
     Wanted,
+    compressed,
     lost,
     peeled,
     stack_of,
@@ -515,6 +516,11 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
     if test.request.technique.name == "weighted-blended":
         return np.where(layers > 1, bound + WEIGHT_ROUNDINGS * ROUNDING, bound + 8 * ROUNDING)
+    if test.request.technique.name == "adaptive":
+        # An area is off by the errors of a height times FAR, and of a length. Where areas are closer, any of the steps
+        # may be moved.
+        clear = compressed(stack, test.options)[2]
+        bound = np.where(clear > 4 * (FAR * bound + length_bound(test)), bound, 1.0)
     dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
     return np.where(exact & dyadic, 0.0, bound)
 

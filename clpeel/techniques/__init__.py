@@ -7,6 +7,7 @@ from typing import Any
 
 from clpeel.errors import InputError
 from clpeel.options import SHARE, Options, option, options_of
+from clpeel.techniques.adaptive import Adaptive
 from clpeel.techniques.depth_peeling import DepthPeeling
 from clpeel.techniques.dual_depth_peeling import DualDepthPeeling
 from clpeel.techniques.glowscript import Glowscript
@@ -39,6 +40,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         WeightedSum(),
         WeightedBlended(),
         MultiLayerAlphaBlending(),
+        Adaptive(),
         LayerCount(),
     )
 }

@@ -88,7 +88,7 @@ TOOLS = (
             *(f"techniques/{name}.png" for name in ("sort", "glowscript", "thickness", "translucency", "layer-count")),
             "techniques/*peeling*.png",
             "techniques/weighted-*.png",
-            "techniques/multi-layer-alpha-blending.png",
+            *(f"techniques/{name}.png" for name in ("multi-layer-alpha-blending", "adaptive")),
             "complexity/demo.png",
         ),
         "python tools/technique_pictures.py",
