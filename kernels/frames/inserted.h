@@ -6,7 +6,8 @@
 //   STORED(value)           KEPT of a number (fragments/blending.h)
 //   DEPTH_KEY(fragment)     the upper half of a fragment: its depth (fragments/depth.h)
 //   IS_BEFORE(a, b)         whether fragment a is in front of b, as a Truth; of equal depths the one submitted first is
-//   LONGER(truth)             a Truth to choose fragments by with `?:`
+//   choose(truth, a, b)     a where the Truth is, else b; choose_fragment is the same of fragments. Both numbers are read
+//                           first: of `?:` a compiler may make a choice of addresses, and registers have none.
 #ifndef INSERTED_H
 #define INSERTED_H
 
@@ -39,6 +40,9 @@ INLINE Paint paint_of(float4 color)
     return paint;
 }
 #endif
+
+INLINE Number choose(Truth truth, Number a, Number b) { return truth ? a : b; }
+INLINE Fragment choose_fragment(Truth truth, Fragment a, Fragment b) { return LONGER(truth) ? a : b; }
 
 // One channel of a buffer as a number 0..1.
 INLINE Number as_number(Number kept) { return PRECISION == 2 ? UNIT_OF(kept) : kept; }

@@ -30,13 +30,13 @@ typedef struct {
     Number through;  // what comes through behind it, as a buffer keeps it; behind the last one this stays the same
 } Node;
 typedef struct {
-    Node node[NODES];
+    Node node[NODES + 1];  // the last one is there only while a fragment is inserted
     Paint sums;
 } Nodes;
 
 INLINE void clear_nodes(Nodes *nodes)
 {
-    UNROLL for (int i = 0; i < NODES; ++i) {
+    UNROLL for (int i = 0; i <= NODES; ++i) {
         Node *node = nodes->node + i;
         node->place = (Fragment)(ABSENT), node->distance = (Number)(0.0f), node->through = (Number)(FULL);
     }
@@ -67,42 +67,46 @@ INLINE void compress(Node *all)
     away = IS_BEFORE(all[NODES].place, (Fragment)(ABSENT)) ? away : (Whole)(NODES);
     UNROLL for (int i = 0; i < NODES; ++i) {
         Truth moved = away <= (Whole)(i + 1);
-        all[i].through = moved ? all[i + 1].through : all[i].through;
+        all[i].through = choose(moved, all[i + 1].through, all[i].through);
         Truth gone = away <= (Whole)(i);
-        all[i].distance = gone ? all[i + 1].distance : all[i].distance;
-        all[i].place = LONGER(gone) ? all[i + 1].place : all[i].place;
+        all[i].distance = choose(gone, all[i + 1].distance, all[i].distance);
+        all[i].place = choose_fragment(gone, all[i + 1].place, all[i].place);
     }
+}
+
+// Puts a node in place of one that is behind the fragment.
+INLINE void put_before(Node *other, Fragment fragment, const Node *node)
+{
+    Truth behind = IS_BEFORE(fragment, other->place);
+    other->distance = choose(behind, node->distance, other->distance);
+    other->through = choose(behind, node->through, other->through);
+    other->place = choose_fragment(behind, node->place, other->place);
 }
 
 INLINE void insert(Nodes *nodes, Fragment fragment, const Paint *color, global const float *parameters)
 {
-    Node all[NODES + 1];
     Number through = 1.0f - color->alpha, distance = distance_of(fragment, parameters[0]);
-    UNROLL for (int i = 0; i < NODES; ++i) all[i] = nodes->node[i];
-    all[NODES] = all[NODES - 1], all[NODES].place = (Fragment)(ABSENT);
-    UNROLL for (int i = NODES; i >= 0; --i) {
-        // A node behind the new one takes what is in front of it, and so does the new one: its step is added.
-        Truth behind = IS_BEFORE(fragment, all[i].place);
-        Number before = i ? all[i - 1].through : (Number)(FULL);
-        all[i].through = behind ? STORED(before * through) : all[i].through;
-        if (i) {
-            Truth moved = IS_BEFORE(fragment, all[i - 1].place);
-            all[i].distance = moved ? all[i - 1].distance : behind ? distance : all[i].distance;
-            all[i].place = LONGER(moved) ? all[i - 1].place : LONGER(behind) ? fragment : all[i].place;
-        } else {
-            all[i].distance = behind ? distance : all[i].distance;
-            all[i].place = LONGER(behind) ? fragment : all[i].place;
-        }
+    Node *all = nodes->node;
+    all[NODES].place = (Fragment)(ABSENT), all[NODES].through = all[NODES - 1].through;
+    // A node behind the new one moves one place back, and the step is added to it. What comes through a node then is what
+    // has come through the one before its new place, and through the fragment: so it is for the new node.
+    UNROLL for (int i = NODES; i > 0; --i) {
+        Truth moved = IS_BEFORE(fragment, all[i - 1].place);
+        Node node = {choose_fragment(moved, all[i - 1].place, fragment), choose(moved, all[i - 1].distance, distance),
+                     STORED(all[i - 1].through * through)};
+        put_before(all + i, fragment, &node);
     }
+    Node node = {fragment, distance, STORED(FULL * through)};
+    put_before(all, fragment, &node);
     compress(all);
-    UNROLL for (int i = 0; i < NODES; ++i) nodes->node[i] = all[i];
 }
 
 // Adds a fragment's colour, as much of it as is seen at its place.
 INLINE void gather_color(Nodes *nodes, Fragment fragment, const Paint *color)
 {
     Number seen = (Number)(FULL);
-    UNROLL for (int i = 0; i < NODES; ++i) seen = IS_BEFORE(nodes->node[i].place, fragment) ? nodes->node[i].through : seen;
+    UNROLL for (int i = 0; i < NODES; ++i)
+        seen = choose(IS_BEFORE(nodes->node[i].place, fragment), nodes->node[i].through, seen);
     Paint *sums = &nodes->sums;
     sums->red = STORED(sums->red + seen * (color->alpha * color->red));
     sums->green = STORED(sums->green + seen * (color->alpha * color->green));

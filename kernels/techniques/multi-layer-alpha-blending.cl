@@ -34,7 +34,7 @@ INLINE void clear_nodes(Nodes *nodes)
 INLINE void exchange_numbers(Truth turned, Number *a, Number *b)
 {
     Number before = *a;
-    *a = turned ? *b : before, *b = turned ? before : *b;
+    *a = choose(turned, *b, before), *b = choose(turned, before, *b);
 }
 
 // From the first layer on that is behind the new one, each moves one place back. Of equal depths the one that was submitted
