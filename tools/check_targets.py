@@ -120,6 +120,13 @@ EXCEPTIONS = (
         "^translucency ", "draw", 144, 0,
         "translucency computes the light through four pixels at once, while a tile is being drawn",
     ),
+    Allowance(
+        "^multi-layer-alpha-blending .*SLOTS=[248]\\b", "draw", 136, 0, "128 but for lit colours of vertices of gfx90a",
+    ),
+    Allowance("^multi-layer-alpha-blending .*SLOTS=16\\b", "draw", 176, 0, "16 layers of one pixel are 80 registers"),
+    Allowance("^adaptive .*NODES=[48]\\b", "draw", 168, 0, "8 nodes of one pixel are 32 registers"),
+    Allowance("^adaptive .*NODES=16\\b", "draw", 184, 0, "16 nodes of one pixel are 64 registers"),
+    Allowance("^adaptive .*NODES=32\\b", "draw", 224, 0, "32 nodes of one pixel are 128 registers"),
 )  # fmt: skip
 
 
@@ -372,7 +379,10 @@ def variants(lanes: int = GPU_LANES) -> list[Variant]:
     return [replace(each, main=_is_main(each, lanes)) for each in found.values()]
 
 
-IN_MAIN = ("LAYERS_A_PASS", "PERSPECTIVE", "ALL_OPAQUE", "ATOMICS_64", *Targets(1, 1, 1).constants)
+DEFAULTS = {"LAYERS_A_PASS": 8, "SLOTS": 4, "NODES": 8}
+"""Constants of options, with the default options."""
+
+IN_MAIN = (*DEFAULTS, "PERSPECTIVE", "ALL_OPAQUE", "ATOMICS_64", *Targets(1, 1, 1).constants)
 """Constants that a technique's default options have."""
 
 
@@ -381,7 +391,7 @@ def _is_main(variant: Variant, lanes: int) -> bool:
     if any(value and name not in IN_MAIN for name, value in variant.defines):
         return False
     main = replace(MAIN, lanes=lanes, surfaces=variant.features.surfaces)
-    if dict(variant.defines).get("LAYERS_A_PASS", 8) != 8:
+    if any(value != DEFAULTS.get(name, value) for name, value in variant.defines):
         return False
     return variant.features in (
         main,

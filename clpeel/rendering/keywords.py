@@ -97,3 +97,7 @@ class Keywords(TypedDict, total=False):
     """Of wavelet: its finest level; 2 has 8 cells of depth, 3 has 16 (default: 3)."""
     wavelet_range: Literal["pixel", "scene"]
     """Of wavelet: cells lie between each pixel's first and last layer, or the clipping planes."""
+    slots: Literal[2, 4, 8, 16]
+    """Of multi-layer-alpha-blending: layers of a pixel that are kept apart (default: 4)."""
+    nodes: Literal[4, 8, 16, 32]
+    """Of adaptive: steps of the curve of visibility (default: 8)."""

@@ -7,7 +7,7 @@ fragments there are, or in which order they lie. All numbers are computed here i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -534,6 +534,73 @@ def wavelet_range(stack: Stack, options: Options) -> tuple[Floats, Floats]:
     return first, np.where(stack.transparent, stack.distance, NEAR).max(axis=1, keepdims=True)
 
 
+def _as_submitted(stack: Stack) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+    """For one face after the other: its place in the order of each sample, [samples, 1], and whether it is there."""
+    for face in range(len(stack.face[0])):
+        there = stack.transparent & (stack.face == face)
+        yield np.argmax(there, axis=1)[:, None], there.any(axis=1, keepdims=True)
+
+
+def multi_layer_alpha_blending(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """Layers (Ai Ci, 1 - Ai, zi), of which the two farthest are blended where there are too many (Salvi 2014)."""
+    count, slots = len(stack.present), getattr(options, "slots", 4)
+    place, layers = np.full((count, slots), np.inf), np.tile((0.0, 0.0, 0.0, 1.0), (count, slots, 1))
+    for k, there in _as_submitted(stack):
+        *color, alpha = np.moveaxis(np.take_along_axis(stack.color, k[..., None], axis=1), -1, 0)
+        new = np.stack([*(alpha * channel for channel in color), 1 - alpha], axis=-1)
+        new = np.where(there[..., None], new, (0.0, 0.0, 0.0, 1.0))
+        place = np.append(place, np.where(there, k, np.inf), axis=1)
+        order = np.argsort(place, axis=1, kind="stable")
+        place = np.take_along_axis(place, order, axis=1)[:, :-1]
+        layers = np.take_along_axis(np.append(layers, new, axis=1), order[..., None], axis=1)
+        layers = np.append(layers[:, :-2], over(layers[:, -2], layers[:, -1])[:, None], axis=1)
+    shown = stack.behind
+    for slot in reversed(range(slots)):
+        shown = over(layers[:, slot], shown)
+    return shown, {}
+
+
+def adaptive(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(Ci Ai vis(zi)), vis being a curve of some steps, of which the least area is lost (Salvi et al. 2011)."""
+    place, through, _ = compressed(stack, options)
+    order = np.arange(stack.present.shape[1])
+    seen = np.where(place[:, None] < order[:, None], through[:, None], 1.0).min(axis=2)
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    colors = ((seen * alpha)[..., None] * stack.color[..., :3]).sum(axis=1)
+    front = np.concatenate([colors, (1 - alpha).prod(axis=1, keepdims=True)], axis=1)
+    return over(front, stack.behind), {}
+
+
+def compressed(stack: Stack, options: Options) -> tuple[Floats, Floats, Floats]:
+    """The curve of visibility of `adaptive`: places of its steps, and what comes through behind them, [samples, nodes].
+
+    A place is that in the order of a sample's layers, or infinity if there is no step. Also returns by how much more
+    area any other step would have lost, [samples]; infinity where none had to go.
+    """
+    count, nodes = len(stack.present), getattr(options, "nodes", 8)
+    place, distance, through = np.full((count, nodes), np.inf), np.zeros((count, nodes)), np.ones((count, nodes))
+    clear = np.full(count, np.inf)
+    for k, there in _as_submitted(stack):
+        left = 1 - np.take_along_axis(stack.color[..., 3], k, axis=1) * there
+        before = np.where(place < k, through, 1.0).min(axis=1, keepdims=True)
+        through = np.append(np.where(place > k, through * left, through), before * left, axis=1)
+        distance = np.append(distance, np.take_along_axis(stack.distance, k, axis=1), axis=1)
+        place = np.append(place, np.where(there, k, np.inf), axis=1)
+        order = np.argsort(place, axis=1, kind="stable")
+        place, distance, through = (np.take_along_axis(each, order, axis=1) for each in (place, distance, through))
+        full = np.isfinite(place[:, -1])
+        with np.errstate(invalid="ignore"):
+            area = -np.diff(distance[:, :-1], axis=1) * np.diff(through[:, :-1], axis=1)
+        area = np.where(full[:, None], area, 0.0)
+        least, second = np.moveaxis(np.sort(area, axis=1)[:, :2], 1, 0)
+        clear = np.where(full, np.minimum(clear, second - least), clear)
+        away = np.where(full, np.argmin(area, axis=1) + 1, nodes)
+        through[full, away[full] - 1] = through[full, away[full]]
+        kept = np.arange(nodes + 1) != away[:, None]
+        place, distance, through = (each[kept].reshape(count, nodes) for each in (place, distance, through))
+    return place, through, clear
+
+
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """How many fragments a sample has."""
     return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
@@ -593,6 +660,8 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "weighted-blended": weighted_blended,
     "k-buffer": k_buffer,
     "wavelet": wavelet,
+    "multi-layer-alpha-blending": multi_layer_alpha_blending,
+    "adaptive": adaptive,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

@@ -32,6 +32,7 @@ from clpeel.rendering.known_layers import (
     Floats,
     Stack,
     Wanted,
+    compressed,
     lost,
     peeled,
     stack_of,
@@ -331,6 +332,11 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     if test.request.technique.name == "wavelet":
         return bound + _wavelet_bound(stack, test)
     layers = np.maximum(layers - getattr(test.options, "kept_layers", 0), 0)
+    if test.request.technique.name == "adaptive":
+        # An area is off by the errors of a height times FAR, and of a length. Where areas are closer, any of the steps
+        # may be moved.
+        clear = compressed(stack, test.options)[2]
+        bound = np.where(clear > 4 * (FAR * bound + length_bound(test)), bound, 1.0)
     dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
     return np.where(exact & dyadic, 0.0, bound)
 

@@ -7,11 +7,13 @@ from typing import Any
 
 from clpeel.errors import InputError
 from clpeel.options import SHARE, Options, option, options_of
+from clpeel.techniques.adaptive import Adaptive
 from clpeel.techniques.depth_peeling import DepthPeeling
 from clpeel.techniques.dual_depth_peeling import DualDepthPeeling
 from clpeel.techniques.glowscript import Glowscript
 from clpeel.techniques.k_buffer import KBuffer
 from clpeel.techniques.layer_count import LayerCount
+from clpeel.techniques.multi_layer_alpha_blending import MultiLayerAlphaBlending
 from clpeel.techniques.multi_layer_peeling import MultiLayerPeeling
 from clpeel.techniques.precision import Bounded
 from clpeel.techniques.sort import Sort
@@ -41,6 +43,8 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         WeightedBlended(),
         KBuffer(),
         Wavelet(),
+        MultiLayerAlphaBlending(),
+        Adaptive(),
         LayerCount(),
     )
 }

@@ -130,6 +130,13 @@ PICTURES: list[tuple[Wanted, str, dict[str, Any]]] = [
     (layers("face", "mixed"), "weighted-sum", {**LINEAR, "precision": "unorm8"}),
     (layers(), "thickness", {**LINEAR}),
     (layers(), "auto", {**LINEAR}),
+    (layers("face", "mixed", packed=False, cut=True), "multi-layer-alpha-blending", {}),
+    (layers("vertex", cut=True), "multi-layer-alpha-blending", {"slots": 2, "samples": 4, "lighting": "headlight"}),
+    (layers("scene", perspective=False), "multi-layer-alpha-blending", {**LINEAR, "slots": 16, "precision": "unorm8"}),
+    (layers("face", "mixed", packed=False, cut=True), "adaptive", {}),
+    (layers("vertex", cut=True), "adaptive", {"nodes": 4, "samples": 4, "lighting": "headlight"}),
+    (layers("face", packed=False, perspective=False), "adaptive", {"nodes": 4}),
+    (layers("scene", cut=True), "adaptive", {**LINEAR, "nodes": 4, "precision": "half", "depth_format": "unorm24"}),
 ]
 
 

@@ -95,6 +95,11 @@ class Stacks:
 
     def as_submitted(self) -> Iterator[Layer]:
         """All, in the order of the faces."""
+        for places, pixels in self.submitted():
+            yield self.at(places, pixels)
+
+    def submitted(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Their places among the layers, and their pixels. A place is the greater the farther a layer is."""
         pixel = np.repeat(np.arange(self.pixels), np.diff(self.layers.start))
         order = np.lexsort((self.layers.triangle, pixel))
         opaque = self.layers.color[order, 3] == 1  # not of these: its place is left to no other
@@ -103,7 +108,7 @@ class Stacks:
         )
         for k in range(int(rank.max(initial=-1)) + 1):
             chosen = (rank == k) & ~opaque
-            yield self.at(order[chosen], pixel[chosen])
+            yield order[chosen], pixel[chosen]
 
     def shown(self, color: Any, through: Any) -> Any:
         """Premultiplied colour and transmittance over what is opaque, as Result.color has it."""
@@ -137,6 +142,8 @@ def blended(technique: str, stacks: Stacks) -> Any:
             color[pixels] = alpha * kept + (F(1) - alpha) * color[pixels]
             through[pixels] = (F(1) - alpha) * through[pixels]
         return np.concatenate([color, F(1) - through], axis=1).reshape(*stacks.layers.size[::-1], 4)
+    if technique == "multi-layer-alpha-blending":
+        return stacks.shown(*kept_apart(stacks, 4))
     sums = stacks.buffer(0)
     for layer in stacks.as_submitted():
         sums.add(*layer)
@@ -150,3 +157,25 @@ def blended(technique: str, stacks: Stacks) -> Any:
     alpha = np.minimum(total[some] / n[some], 1 - 2.0**-53)  # the greatest float64 below 1
     coverage[some] = -np.expm1(n[some] * np.log1p(-alpha))
     return stacks.shown(color / np.where(total > 0, total, 1) * coverage, 1 - coverage)
+
+
+def kept_apart(stacks: Stacks, slots: int) -> tuple[Floats, Floats]:
+    """What multi-layer-alpha-blending makes of the layers: premultiplied colour and transmittance."""
+    kept, full = KEPT[stacks.precision], FULL[stacks.precision]
+    place = np.full((stacks.pixels, slots), np.iinfo(np.int64).max)
+    color, through = np.zeros((stacks.pixels, slots, 3), F), np.full((stacks.pixels, slots, 1), full)
+    for places, pixels in stacks.submitted():
+        _, rgb, a = stacks.at(places, pixels)
+        at = np.append(place[pixels], places[:, None], axis=1)
+        c = np.append(color[pixels], kept(a * rgb * full)[:, None], axis=1)
+        t = np.append(through[pixels], kept((F(1) - a) * full)[:, None], axis=1)
+        order = np.argsort(at, axis=1, kind="stable")
+        at, c, t = (
+            np.take_along_axis(each, order.reshape(*order.shape, *[1] * (each.ndim - 2)), 1) for each in (at, c, t)
+        )
+        c[:, -2], t[:, -2] = kept(c[:, -2] + t[:, -2] / full * c[:, -1]), kept(t[:, -2] / full * t[:, -1])
+        place[pixels], color[pixels], through[pixels] = at[:, :-1], c[:, :-1], t[:, :-1]
+    front, left = np.zeros((stacks.pixels, 3), F), np.ones((stacks.pixels, 1), F)
+    for slot in range(slots):
+        front, left = front + left * (color[:, slot] / full), left * (through[:, slot] / full)
+    return front, left

@@ -89,6 +89,7 @@ TOOLS = (
             *(f"techniques/{name}.png" for name in ("k-buffer", "wavelet")),
             "techniques/*peeling*.png",
             "techniques/weighted-*.png",
+            *(f"techniques/{name}.png" for name in ("multi-layer-alpha-blending", "adaptive")),
             "complexity/demo.png",
         ),
         "python tools/technique_pictures.py",
