@@ -519,10 +519,10 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     return np.where(exact & dyadic, 0.0, bound)
 
 
-WEIGHT_ROUNDINGS = 2048
+WEIGHT_ROUNDINGS = 512
 """How far off weights make a mean, in roundings: twice their own error, as they are above and below the line. The
-greatest is that of (1 - d)^3: d is off by four roundings, and counts where 1 - d is at least (1 / 300,000)^(1/3), which is
-three times 4 / 0.0149 roundings."""
+greatest is that of z^6 or (1 - d)^3. A depth is off by 16 roundings, and a power by its exponent times that. 1 - d is the
+difference of two numbers of which the greater is at most twice as large, as no known layer lies behind (FAR + NEAR) / 2."""
 
 OPTICAL_MOST = 6.0
 """At least the extinction of the known layers by default: OPTICAL_DIAGONAL over a diagonal that is longer than 1."""
