@@ -87,3 +87,7 @@ class Keywords(TypedDict, total=False):
     """Of the light behind the scene (default: a warm white)."""
     weight: Literal["7", "8", "9", "10"]
     """Of weighted-blended: the paper's equation for weights (default: 10)."""
+    stochastic_samples: Literal[8, 16, 64]
+    """Of stochastic: samples that a fragment covers some of: 8, 16 or 64 (default: 8)."""
+    alpha_correction: bool
+    """Correct the opacity of stochastic to that of all layers."""

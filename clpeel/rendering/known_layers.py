@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from clpeel.device.layout import AMBIENT, REGULAR, Features
 from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.options import Options
+from clpeel.rendering.known_masks import Masks, masks_of
 from clpeel.rendering.known_lights import KNOWN_LIGHTS, covering, under_lights
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, PointLight
@@ -482,6 +483,26 @@ def weighted_blended(stack: Stack, wanted: Wanted, technique: AnyTechnique, opti
     return over(np.concatenate([mean * (1 - through), through], axis=1), stack.behind), {}
 
 
+def masks(stack: Stack, options: Options) -> Masks:
+    """The masks of transparent fragments. Samples are in HEIGHT rows."""
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    return masks_of(alpha, len(alpha) // HEIGHT, getattr(options, "stochastic_samples", 8))
+
+
+def stochastic(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(vi Ai Ci), by the shares vi of masks that are visible (Enderton et al. 2010), and what is left of them.
+
+    With alpha correction it is times (1 - T) / sum(vi Ai), and T is the product of all 1 - Ai.
+    """
+    alpha, known = np.where(stack.transparent, stack.color[..., 3], 0.0), masks(stack, options)
+    seen = (known.visible * alpha)[..., None]
+    colors, total, through = (seen * stack.color[..., :3]).sum(axis=1), seen.sum(axis=1), known.left[:, None]
+    if getattr(options, "alpha_correction", True):
+        through = (1 - alpha).prod(axis=1, keepdims=True)
+        colors *= np.divide(1 - through, total, out=np.zeros_like(total), where=total > 0)
+    return over(np.concatenate([colors, through], axis=1), stack.behind), {}
+
+
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """How many fragments a sample has."""
     return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
@@ -539,6 +560,7 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "weighted-sum": weighted_sum,
     "weighted-average": weighted_average,
     "weighted-blended": weighted_blended,
+    "stochastic": stochastic,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

@@ -38,6 +38,7 @@ from clpeel.rendering.known_layers import (
     Stack,
     Wanted,
     lost,
+    masks,
     peeled,
     stack_of,
 )
@@ -515,6 +516,9 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
     if test.request.technique.name == "weighted-blended":
         return np.where(layers > 1, bound + WEIGHT_ROUNDINGS * ROUNDING, bound + 8 * ROUNDING)
+    if test.request.technique.name == "stochastic":
+        # Alpha correction divides by the foremost alpha at least, which is 1/4. Where a mask is in doubt nothing is known.
+        return np.where(masks(stack, test.options).doubtful & features.fragment_color, float(LAYERS), 4 * bound)
     dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
     return np.where(exact & dyadic, 0.0, bound)
 

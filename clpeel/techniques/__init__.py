@@ -14,6 +14,7 @@ from clpeel.techniques.layer_count import LayerCount
 from clpeel.techniques.multi_layer_peeling import MultiLayerPeeling
 from clpeel.techniques.precision import Bounded
 from clpeel.techniques.sort import Sort
+from clpeel.techniques.stochastic import Stochastic
 from clpeel.techniques.technique import Technique as Technique
 from clpeel.techniques.thickness import Thickness
 from clpeel.techniques.translucency import Translucency
@@ -37,6 +38,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         WeightedAverage(),
         WeightedSum(),
         WeightedBlended(),
+        Stochastic(),
         LayerCount(),
     )
 }
