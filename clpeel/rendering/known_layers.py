@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from clpeel.device.layout import AMBIENT, REGULAR, Features
 from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.options import Options
-from clpeel.rendering.known_masks import Masks, masks_of
 from clpeel.rendering.known_lights import KNOWN_LIGHTS, covering, under_lights
+from clpeel.rendering.known_masks import Masks, masks_of
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, PointLight
 from clpeel.scene.materials import Finish, Material

@@ -515,18 +515,21 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
         # The light from behind changes by its extinction times the error of the length, and exp rounds a few times.
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
     if test.request.technique.name == "weighted-blended":
-        return np.where(layers > 1, bound + WEIGHT_ROUNDINGS * ROUNDING, bound + 8 * ROUNDING)
+        # Sums are as large as weights are, and half rounds them by 2^-11 of themselves.
+        return 2 * bound + np.where(layers > 1, WEIGHT_ROUNDINGS, 8) * ROUNDING
     if test.request.technique.name == "stochastic":
-        # Alpha correction divides by the foremost alpha at least, which is 1/4. Where a mask is in doubt nothing is known.
+        # Alpha correction divides by the foremost alpha at least, 1/4. Where a mask is in doubt nothing is known.
         return np.where(masks(stack, test.options).doubtful & features.fragment_color, float(LAYERS), 4 * bound)
     dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
     return np.where(exact & dyadic, 0.0, bound)
 
 
 WEIGHT_ROUNDINGS = 512
-"""How far off weights make a mean, in roundings: twice their own error, as they are above and below the line. The
-greatest is that of z^6 or (1 - d)^3. A depth is off by 16 roundings, and a power by its exponent times that. 1 - d is the
-difference of two numbers of which the greater is at most twice as large, as no known layer lies behind (FAR + NEAR) / 2."""
+"""How far off weights make a mean, in roundings: twice their own error, as they are above and below the line.
+
+The greatest is that of z^6 or (1 - d)^3. A depth is off by 16 roundings, and a power by its exponent times that. 1 - d
+is the difference of two numbers of which the greater is at most twice as large, as known layers lie in the nearer half.
+"""
 
 OPTICAL_MOST = 6.0
 """At least the extinction of the known layers by default: OPTICAL_DIAGONAL over a diagonal that is longer than 1."""

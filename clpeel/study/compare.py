@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from clpeel.checks import Background, GivenBackground, whole_number
 from clpeel.device.layout import PointType
 from clpeel.errors import InputError
-from clpeel.options import Options, options_of
 from clpeel.pictures.layers import Layers
 from clpeel.pictures.png import STEP
 from clpeel.rendering.options import Lighting, Opaque, PictureOptions, Size
@@ -166,7 +165,7 @@ def trials_of(
 ) -> tuple[list[Trial], list[str]]:
     """Return the trials: techniques x precisions x budgets, where the technique has that option. Also return notes.
 
-    A note says why a technique refuses a budget.
+    A note says why a technique refuses a budget or a precision.
     """
     trials, notes = [], []
     for technique in map(TECHNIQUES.__getitem__, names):
@@ -177,7 +176,7 @@ def trials_of(
         for precision, budget in product(own, [None, *budgets] if peels else [None]):
             asked = {"precision": precision, "passes": budget}
             trial = Trial(technique, {name: value for name, value in asked.items() if value is not None})
-            refusal = None if budget is None else refused(technique.options, budget)
+            refusal = refused(technique, trial.options)
             if refusal is None:
                 trials.append(trial)
             else:
@@ -185,11 +184,10 @@ def trials_of(
     return trials, notes
 
 
-def refused(options: type[Options], passes: int) -> InputError | None:
-    """Return why a technique cannot stop after so many passes, or None if it can. It may have a limit of its own."""
-    (limit,) = (each for each in options_of(options) if each.name == "passes")
+def refused(technique: AnyTechnique, options: dict[str, Any]) -> InputError | None:
+    """Return why a technique cannot have these options, or None if it can. It may have limits of its own."""
     try:
-        limit.checked(passes)
+        technique.options(**options)
     except InputError as error:
         return error
     return None

@@ -1,4 +1,4 @@
-"""stochastic: each fragment covers a random part of a pixel's samples, as large as its alpha (techniques/stochastic.cl).
+"""stochastic: each fragment covers a random part of a pixel's samples, by its alpha (techniques/stochastic.cl).
 
 Enderton, Sintorn, Shirley and Luebke 2010, "Stochastic Transparency": stratified masks, visibility by the samples that
 nothing nearer covers, and alpha correction.

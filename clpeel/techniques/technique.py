@@ -97,7 +97,7 @@ class Technique(Generic[O]):
         return (self.options(),)
 
     def compared(self) -> tuple[O, ...]:
-        """Other options than the defaults with which a comparison draws it too: points of its trade of time for error."""
+        """Other options than the defaults with which a comparison draws it: points of its trade of time for error."""
         return ()
 
     def error_without_order(self, layers: int, alpha: float) -> float | None:

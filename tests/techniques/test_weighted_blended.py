@@ -63,9 +63,9 @@ def bound(count: int, z: Any, near: float, far: float) -> float:
     """How far off a channel may be after `count` layers of which the farthest is at distance z.
 
     A mean moves by twice what its weights are off by. A power is off by its exponent times the roundings of its base,
-    which are those of a depth and 4. 1 - d is the difference of near far / z and near, over far - near, and so it is off
-    by these roundings of the former. It does not count where the weight is 1/100 at least: (1 - d)^3 < 1/300,000. The
-    sums above and below the line, and the product of all 1 - A, have a rounding for each layer.
+    which are those of a depth and 4. 1 - d is the difference of near far / z and near, over far - near, and so it is
+    off by these roundings of the former. It does not count where (1 - d)^3 < 1/300,000, as the weight is 1/100 there.
+    The sums above and below the line, and the product of all 1 - A, have a rounding for each layer.
     """
     before = near * far / float(np.max(z)) / (far - near)
     left = max(before - near / (far - near), (1 / 3e5) ** (1 / 3))
@@ -190,7 +190,7 @@ def test_equal_depths_weigh_by_alpha_alone(lanes: int) -> None:
 
 @pytest.mark.parametrize("depth_format", ["float32-reversed", "float32", "unorm24", "rgba8"])
 def test_a_range_of_ten_millions(depth_format: str, lanes: int) -> None:
-    """By equation 10 all that is a thousand times as far as the near plane weighs 1/100, the least; by 9 it does not."""
+    """By equation 10 what is a thousand times as far as the near plane weighs 1/100, the least; by 9 it does not."""
     view = Eye((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), view_angle=90.0, clipping_range=(1e-3, 1e4))
     colors = np.float32([(1, 0, 0, 0.5), (0, 1, 0, 0.5)])
     got = render([1.0, 9e3], colors, lanes, view, depth_format=depth_format)
