@@ -265,6 +265,14 @@ def test_alpha_correction_takes_noise_away_and_leaves_a_bias_that_falls() -> Non
     assert biases[0] > 4 * biases[2]
 
 
+@pytest.mark.parametrize(("corrected", "errors"), [(True, (0.048, 0.030, 0.014)), (False, (0.077, 0.049, 0.023))])
+def test_how_noisy_it_is(corrected: bool, errors: tuple[float, ...]) -> None:
+    """The numbers of docs/techniques.md."""
+    for samples, error in zip(SAMPLES, errors, strict=True):
+        got = render(np.arange(1, 5), LAYERS, 1, WIDE, stochastic_samples=samples, alpha_correction=corrected)
+        assert abs(np.sqrt(((got[..., :3] - EXACT[:3]) ** 2).mean()) - error) <= 0.001
+
+
 def test_each_set_of_samples_is_as_likely() -> None:
     """Two layers of alpha 1/2 cover 4 of 8 samples each. How many are left to both is known: C(4, k)^2 / C(8, 4)."""
     colors = np.float32([(0, 0, 0, 0.5), (0, 0, 0, 0.5), (1, 1, 1, 1)])

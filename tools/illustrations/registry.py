@@ -88,6 +88,7 @@ TOOLS = (
             *(f"techniques/{name}.png" for name in ("sort", "glowscript", "thickness", "translucency", "layer-count")),
             "techniques/*peeling*.png",
             "techniques/weighted-*.png",
+            "techniques/stochastic*.png",
             "complexity/demo.png",
         ),
         "python tools/technique_pictures.py",
