@@ -21,6 +21,13 @@
 
 #define PLACED 1
 
+#ifndef MASK_BITS
+#define MASK_BITS 8
+#endif
+#ifndef CORRECTED
+#define CORRECTED 1
+#endif
+
 #define MASK_WORDS ((MASK_BITS + 31) / 32)
 #define GOLDEN 0x9E3779B9u  // 2^32 times the golden section: its multiples lie well apart
 

@@ -20,6 +20,10 @@
 
 #define PARAMETERS 1
 
+#ifndef WEIGHT
+#define WEIGHT 10
+#endif
+
 // A sum of 16-bit floats may be infinite. Then it counts as the greatest number that they have, so that a mean stays one.
 #define GREATEST 65504.0f
 
