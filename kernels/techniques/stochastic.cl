@@ -66,7 +66,7 @@ INLINE void cover_some(VECTOR(uint) seed, VECTOR(float) alpha, VECTOR(uint) *cov
     VECTOR(uint) to_choose = (share * (uint)MASK_BITS + (hash(seed) >> byte)) >> fraction;
     UNROLL for (int word = 0; word < MASK_WORDS; ++word) {
         VECTOR(uint) chosen = (VECTOR(uint))(0);
-        for (uint bit = 0; bit < MIN(MASK_BITS, 32); ++bit) {
+        PLAIN_LOOP for (uint bit = 0; bit < MIN(MASK_BITS, 32); ++bit) {
             uint sample = word * 32 + bit;
             seed += (VECTOR(uint))(GOLDEN);
             VECTOR(uint) place = (hash(seed) >> byte) * ((uint)MASK_BITS - sample) >> fraction;
