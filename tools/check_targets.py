@@ -87,6 +87,14 @@ EXCEPTIONS = (
         "dual-depth-peeling keeps four depths and two colours of each of a lane's four pixels: 64 registers",
     ),
     Allowance(
+        "^weighted-blended ", "draw", 136, 0,
+        "weights are quotients, of each of a lane's four pixels at once, beside five sums",
+    ),
+    Allowance(
+        "^stochastic ", "draw", 168, 0,
+        "beside five sums there are a mask, a seed and a hash of each of a lane's four pixels",
+    ),
+    Allowance(
         "^glowscript ", "peel", 184, 0,
         "glowscript keeps the colours of four peels of each of a lane's four pixels: 64 registers",
     ),

@@ -101,3 +101,7 @@ class Keywords(TypedDict, total=False):
     """Of multi-layer-alpha-blending: layers of a pixel that are kept apart (default: 4)."""
     nodes: Literal[4, 8, 16, 32]
     """Of adaptive: steps of the curve of visibility (default: 8)."""
+    stochastic_samples: Literal[8, 16, 64]
+    """Of stochastic: samples that a fragment covers some of: 8, 16 or 64 (default: 8)."""
+    alpha_correction: bool
+    """Correct the opacity of stochastic to that of all layers."""

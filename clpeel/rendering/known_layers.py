@@ -18,6 +18,7 @@ from clpeel.device.layout import AMBIENT, REGULAR, Features
 from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.options import Options
 from clpeel.rendering.known_lights import KNOWN_LIGHTS, covering, under_lights
+from clpeel.rendering.known_masks import Masks, masks_of
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, PointLight
 from clpeel.scene.materials import Finish, Material
@@ -601,6 +602,26 @@ def compressed(stack: Stack, options: Options) -> tuple[Floats, Floats, Floats]:
     return place, through, clear
 
 
+def masks(stack: Stack, options: Options) -> Masks:
+    """The masks of transparent fragments. Samples are in HEIGHT rows."""
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    return masks_of(alpha, len(alpha) // HEIGHT, getattr(options, "stochastic_samples", 8))
+
+
+def stochastic(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(vi Ai Ci), by the shares vi of masks that are visible (Enderton et al. 2010), and what is left of them.
+
+    With alpha correction it is times (1 - T) / sum(vi Ai), and T is the product of all 1 - Ai.
+    """
+    alpha, known = np.where(stack.transparent, stack.color[..., 3], 0.0), masks(stack, options)
+    seen = (known.visible * alpha)[..., None]
+    colors, total, through = (seen * stack.color[..., :3]).sum(axis=1), seen.sum(axis=1), known.left[:, None]
+    if getattr(options, "alpha_correction", True):
+        through = (1 - alpha).prod(axis=1, keepdims=True)
+        colors *= np.divide(1 - through, total, out=np.zeros_like(total), where=total > 0)
+    return over(np.concatenate([colors, through], axis=1), stack.behind), {}
+
+
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """How many fragments a sample has."""
     return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
@@ -662,6 +683,7 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "wavelet": wavelet,
     "multi-layer-alpha-blending": multi_layer_alpha_blending,
     "adaptive": adaptive,
+    "stochastic": stochastic,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

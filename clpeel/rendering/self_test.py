@@ -34,6 +34,7 @@ from clpeel.rendering.known_layers import (
     Wanted,
     compressed,
     lost,
+    masks,
     peeled,
     stack_of,
     wavelet_range,
@@ -328,7 +329,11 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
         # The light from behind changes by its extinction times the error of the length, and exp rounds a few times.
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
     if test.request.technique.name == "weighted-blended":
-        return np.where(layers > 1, bound + WEIGHT_ROUNDINGS * ROUNDING, bound + 8 * ROUNDING)
+        # Sums are as large as weights are, and half rounds them by 2^-11 of themselves.
+        return 2 * bound + np.where(layers > 1, WEIGHT_ROUNDINGS, 8) * ROUNDING
+    if test.request.technique.name == "stochastic":
+        # Alpha correction divides by the foremost alpha at least, 1/4. Where a mask is in doubt nothing is known.
+        return np.where(masks(stack, test.options).doubtful & features.fragment_color, float(LAYERS), 4 * bound)
     if test.request.technique.name == "wavelet":
         return bound + _wavelet_bound(stack, test)
     layers = np.maximum(layers - getattr(test.options, "kept_layers", 0), 0)
@@ -362,10 +367,12 @@ def _wavelet_bound(stack: Stack, test: _Test) -> Floats:
     return np.where(layers > 0, 2 * off + 2 * layers * rounding / least + 16 * ROUNDING, 0.0)
 
 
-WEIGHT_ROUNDINGS = 2048
-"""How far off weights make a mean, in roundings: twice their own error, as they are above and below the line. The
-greatest is that of (1 - d)^3: d is off by four roundings, and counts where 1 - d is at least (1 / 300,000)^(1/3), which is
-three times 4 / 0.0149 roundings."""
+WEIGHT_ROUNDINGS = 512
+"""How far off weights make a mean, in roundings: twice their own error, as they are above and below the line.
+
+The greatest is that of z^6 or (1 - d)^3. A depth is off by 16 roundings, and a power by its exponent times that. 1 - d
+is the difference of two numbers of which the greater is at most twice as large, as known layers lie in the nearer half.
+"""
 
 OPTICAL_MOST = 6.0
 """At least the extinction of the known layers by default: OPTICAL_DIAGONAL over a diagonal that is longer than 1."""

@@ -182,7 +182,7 @@ def trials_of(
     """Return the trials: techniques x their compared options x precisions x budgets. Also return notes.
 
     A technique has the precisions and budgets if it has that option. Where the compared options name one themselves,
-    that one holds. A note says why a technique refuses a budget.
+    that one holds. A note says why a technique refuses a budget or a precision.
     """
     trials: list[Trial] = []
     notes = []

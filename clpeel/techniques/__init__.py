@@ -17,6 +17,7 @@ from clpeel.techniques.multi_layer_alpha_blending import MultiLayerAlphaBlending
 from clpeel.techniques.multi_layer_peeling import MultiLayerPeeling
 from clpeel.techniques.precision import Bounded
 from clpeel.techniques.sort import Sort
+from clpeel.techniques.stochastic import Stochastic
 from clpeel.techniques.technique import Technique as Technique
 from clpeel.techniques.thickness import Thickness
 from clpeel.techniques.translucency import Translucency
@@ -45,6 +46,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         Wavelet(),
         MultiLayerAlphaBlending(),
         Adaptive(),
+        Stochastic(),
         LayerCount(),
     )
 }

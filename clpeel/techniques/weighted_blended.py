@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 from clpeel.device.layout import FRAGMENT_BYTES
+from clpeel.errors import InputError
 from clpeel.options import option
 from clpeel.techniques.precision import Blending
 from clpeel.techniques.technique import Technique
@@ -35,6 +36,14 @@ class WeightedBlendedOptions(Blending):
 
     weight: WeightName = option("10", help="of weighted-blended: the paper's equation for weights (default: 10)")
 
+    def check_together(self) -> None:
+        """Raise InputError for 8 bits, as the sum of weights goes to 3000 with each layer."""
+        if self.precision == "unorm8":
+            raise InputError(
+                "precision: expected one of float32, half with the technique weighted-blended, got 'unorm8'; its sums "
+                "of weights exceed 1"
+            )
+
 
 class WeightedBlended(Technique[WeightedBlendedOptions]):
     """Blends all layers as one, of their mean colour and their exact coverage."""
@@ -51,6 +60,10 @@ class WeightedBlended(Technique[WeightedBlendedOptions]):
         """All fragments of a sample. They are stored until they can be added up in the order of submission."""
         return FRAGMENT_BYTES * layers
 
+    def compared(self) -> tuple[WeightedBlendedOptions, ...]:
+        """The weights of the paper's other equations."""
+        return tuple(WeightedBlendedOptions(weight=weight) for weight in WEIGHTS if weight != self.options().weight)
+
     def draw(self, frame: Frame, batch: Batch, options: WeightedBlendedOptions) -> Drawn:
         """Draws the batch in one geometry pass."""
         constants = {"WEIGHT": int(options.weight), "PERSPECTIVE": int(frame.triangles.perspective)}
@@ -62,6 +75,6 @@ def depths_of(triangles: Triangles) -> tuple[float, ...]:
     near, far = triangles.clipping
     first, last = triangles.window
     span = last - first
-    if triangles.perspective:  # depth is near / distance, and the window depth last / span (1 - first / distance)
-        return last / span, -last / span * (first / near), near, 0.0, triangles.depth_scale
-    return (far - first) / span, -(far - near) / span, far, -(far - near), triangles.depth_scale
+    if triangles.perspective:  # depth is near / distance; the window depth is last / span (1 - first / distance)
+        return -first / span, last / span * (first / near), near, 0.0, triangles.depth_scale
+    return (last - far) / span, (far - near) / span, far, near - far, triangles.depth_scale

@@ -17,7 +17,8 @@
 // This blends the fragments of a strip into `resolved`, which comes with premultiplied colour 0 and transmittance 1.
 // The count[k] fragments of pixel k are at begin[k], begin[k] + step, ... A technique with VALUES gets two arguments
 // more, (..., resolved, parameters, found): numbers of its own, and where it puts what it finds besides colours
-// (stages/composite.h), which comes as NOTHING. One with PARAMETERS gets (..., resolved, parameters). One that loses what is
+// (stages/composite.h), which comes as NOTHING. One with PARAMETERS gets (..., resolved, parameters). One with PLACED gets
+// (..., resolved, place): the sample's column in the picture, and from the 16th bit on its row. One that loses what is
 // behind so many fragments of a pixel says so by CUT_AFTER; the pixels where it does are counted.
 #ifndef DRAW_H
 #define DRAW_H
@@ -27,6 +28,9 @@
 #endif
 #ifndef CUT_AFTER
 #define CUT_AFTER ~0u
+#endif
+#ifndef PLACED
+#define PLACED 0
 #endif
 
 #include "stages/opaque.h"
@@ -38,6 +42,16 @@ INLINE void put_where(VECTOR(int) here, const Colors *strip, local Colors *place
     place->green = here ? strip->green : place->green;
     place->blue = here ? strip->blue : place->blue;
     place->alpha = here ? strip->alpha : place->alpha;
+}
+
+// The places in the picture of some pixels of a tile.
+INLINE VECTOR(uint) places_of(uint tile, int columns, VECTOR(uint) pixel)
+{
+    const VECTOR(uint) side = (VECTOR(uint))(BLOCK), blocks = (VECTOR(uint))(BLOCKS_A_ROW);
+    VECTOR(uint) block = pixel / (VECTOR(uint))(BLOCK_PIXELS), within = pixel % (VECTOR(uint))(BLOCK_PIXELS);
+    VECTOR(uint) x = block % blocks * side + within % side + (VECTOR(uint))(tile % (uint)columns * TILE);
+    VECTOR(uint) y = block / blocks * side + within / side + (VECTOR(uint))(tile / (uint)columns * TILE);
+    return x | y << (VECTOR(uint))(16);
 }
 
 // layers_before: 0, or else only tiles whose deepest pixel has more layers than this are drawn; the launch before has
@@ -169,6 +183,9 @@ kernel void draw(global const Triangle *triangles, global const uint *pair_start
 #endif
 #elif PARAMETERS
                 resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved, parameters);
+#elif PLACED
+                VECTOR(uint) place = places_of(screen.first_tile + tile, screen.columns, pixel);
+                resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved, place);
 #else
                 resolve_strip(fragments, scratch, begin, layout.step, count, own_colors, &resolved);
 #endif

@@ -3,16 +3,31 @@
 // McGuire and Bavoil (2013, "Weighted Blended Order-Independent Transparency", equation 6) weigh each fragment by how near
 // it is, in place of sorting. Over a background C0, with weights wi:
 //   C = sum(Ai Ci wi) / sum(Ai wi) (1 - R) + C0 R,   R = product of (1 - Ai)
-// So coverage is exact, and colours are a mean. The weights are one of their equations 7 to 10 (WEIGHT), each of the form
+// So coverage is that of all layers in order, and colours are a mean. The weights are one of their equations 7 to 10
+// (WEIGHT), each of the form
 //   w = A max(1/100, min(3000, f))
-// 7 to 9 have the distance z in scene units. 10 has the window depth d, which is 0 at the near plane and 1 at the far one.
+// 7 to 9 have the distance z in scene units. 10 has the window depth d, which is 0 at the near plane and 1 at the far one:
+// f = 3000 (1 - d)^3.
 //
-//   parameters    d as a + b depth: a, b; then z, which is c / depth in perspective and else c + e depth: c, e
+// 1 - d is computed from the reversed depth (fragments/depth.h), of which it is a linear function. So nothing cancels out
+// where d is close to 1.
+//
+//   parameters    1 - d as a + b depth: a, b; then z, which is c / depth in perspective and else c + e depth: c, e; then
+//                 the scale of depths
 #include "fragments/blending.h"
 #include "fragments/colors.h"
 #include "fragments/depth.h"
 
 #define PARAMETERS 1
+
+#ifndef WEIGHT
+#define WEIGHT 10
+#endif
+
+// A sum of 16-bit floats may be infinite. Then it counts as the greatest number that they have, so that a mean stays one.
+#define GREATEST 65504.0f
+
+INLINE VECTOR(float) finite(VECTOR(float) sum) { return PRECISION == 1 ? MIN(sum, (VECTOR(float))(GREATEST)) : sum; }
 
 INLINE VECTOR(float) squared(VECTOR(float) value) { return value * value; }
 
@@ -20,7 +35,7 @@ INLINE VECTOR(float) squared(VECTOR(float) value) { return value * value; }
 INLINE VECTOR(float) weight_of(VECTOR(float) depth, global const float *parameters)
 {
 #if WEIGHT == 10
-    VECTOR(float) left = 1.0f - (parameters[0] + parameters[1] * depth), weight = 3000.0f * left * squared(left);
+    VECTOR(float) left = parameters[0] + parameters[1] * depth, weight = 3000.0f * left * squared(left);
 #else
 #if PERSPECTIVE
     VECTOR(float) z = parameters[2] / depth;
@@ -58,7 +73,7 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
         for (uint k = 0; k < fetched; ++k) {
             VECTOR(float) alpha = source[k].alpha;
             VECTOR(float) depth = depth_of(CONVERT(uint, STRIP, rows[k] >> (VECTOR(ulong))(32)), parameters[4]);
-            through *= 1.0f - alpha;
+            through = KEPT(through * (1.0f - alpha));
             // Where there is no fragment, alpha is 0, and depth means nothing.
             source[k].alpha = alpha > zero ? alpha * (alpha * weight_of(depth, parameters)) : zero;
             blend_add(&buffer, source + k);
@@ -66,8 +81,9 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     }
     Colors sums;
     read_color(&buffer, &sums);
-    VECTOR(float) scale = sums.alpha > zero ? (1.0f - through) / sums.alpha : zero;
-    resolved->red = sums.red * scale, resolved->green = sums.green * scale, resolved->blue = sums.blue * scale;
+    VECTOR(float) scale = sums.alpha > zero ? (1.0f - through) / finite(sums.alpha) : zero;
+    resolved->red = finite(sums.red) * scale, resolved->green = finite(sums.green) * scale;
+    resolved->blue = finite(sums.blue) * scale;
     resolved->alpha = through;
 }
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from twins import soups
-from twins.blends import FULL, KEPT, F, Stacks, blended
+from twins.blends import FULL, KEPT, TWINNED, F, Stacks, blended
 from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH, Soup
 
@@ -30,9 +30,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
 BLENDING = [name for name, technique in TECHNIQUES.items() if "precision" in technique.option_names]
-ELSEWHERE = ("adaptive",)
-"""What a rounding may decide otherwise, by far: test_adaptive says where it must not."""
-PICTURES = [name for name in BLENDING if not TECHNIQUES[name].maps and name not in ELSEWHERE]
+PICTURES = [name for name in BLENDING if name in TWINNED]
 EXACT = [name for name in BLENDING if TECHNIQUES[name].exact]
 LANES = (1, 64)
 

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from twins import light, soups
+from twins.blends import TWINNED
 from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH
 from twins.textures import to_linear, to_srgb
@@ -24,14 +25,14 @@ from clpeel.rendering.shown_errors import ENCODING, STEEPEST, error_of, may_hide
 from clpeel.scene.materials import Material
 from clpeel.scene.textures import Texture
 from clpeel.techniques import TECHNIQUES
-from clpeel.techniques.precision import Blending, blending_bound
+from clpeel.techniques.precision import blending_bound
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
 SIZE = (9, 6)
 GRADIENT = ((1.0, 0.9, 0.2), (0.0, 0.3, 0.6))
 BACKGROUNDS = [(0.0, 0.0, 0.0), (0.2, 0.5, 0.9), GRADIENT, None]
-BLENDING = [name for name, each in TECHNIQUES.items() if issubclass(each.options, Blending) and not each.maps]
+BLENDING = [name for name in TECHNIQUES if name in TWINNED]
 BOUNDED = [name for name, each in TECHNIQUES.items() if "max_error" in each.option_names]
 
 THREE = np.array([(0.9, 0.2, 0.5, 0.5), (0.1, 0.8, 0.02, 0.25), (0.3, 0.6, 1.0, 0.7)])

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from twins import reference, soups, textured, textures
-from twins.blends import Stacks, blended
+from twins.blends import TWINNED, Stacks, blended
 from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH, Eye, Soup
 from twins.textured import checker, facing, noise
@@ -332,7 +332,7 @@ def test_passes_make_the_same_bits(technique: str, judge: Judge) -> None:
         assert passes.stats[name] == tiles.stats[name], name
 
 
-@pytest.mark.parametrize("technique", PICTURES)
+@pytest.mark.parametrize("technique", TWINNED)
 def test_every_blend_of_the_layers(technique: str, judge: Judge) -> None:
     """Whatever a technique makes of layers, it makes of these: the twins of blending, to the bit."""
     scene, camera = scene_of(everything(18)), BENCH.camera()

@@ -101,17 +101,18 @@ def test_what_lies_behind_is_never_emitted(technique: str, lanes: int) -> None:
     front = [(1.0, 0.0, 0.0, 0.25), (0.0, 1.0, 0.0, 0.5), (0.0, 0.0, 1.0, 0.25)]
     colors = [*front, (0.5, 0.25, 0.125, 1.0), *[(1.0, 1.0, 1.0, 0.75)] * 10]
     order = np.random.default_rng(1).permutation(len(colors))
-    scene = soups.stack(np.linspace(1, 7, len(colors))[order], np.array(colors)[order]).scene()
+    away = np.linspace(1, 7, len(colors))
+    scene = soups.stack(away[order], np.array(colors)[order]).scene()
     call: dict[str, Any] = {"camera": AHEAD.camera(), "size": (21, 5), "technique": technique, "lanes": lanes}
     result = plainly.render(scene, **call)
     assert result.stats["fragments"] == 3 * 105 and result.stats["layers_max"] == 3
     assert result.stats["opaque_samples"] == 105 and result.stats["truncated_pixels"] == 0
     # The same as in front of a background of that colour, and the background itself is not seen.
-    alone = soups.stack([1.0, 2.0, 3.0], np.array(front)).scene()
-    over = plainly.render(alone, AHEAD.camera(), (1, 1), technique).color[0, 0]
-    want = over[:3] + (1 - over[3]) * np.array([0.5, 0.25, 0.125])
+    alone = soups.stack(away[:3], np.array(front)).scene()
+    over = plainly.render(alone, AHEAD.camera(), (21, 5), technique).color
+    want = over[..., :3] + (1 - over[..., 3:]) * np.array([0.5, 0.25, 0.125])
     # Both have float32 errors of 3 N roundings, N = 4, of sums that weighted-sum does not keep below one.
-    assert np.abs(result.color - [*want, 1]).max() <= 2 * 3 * 4 * UNIT * max(1, np.abs(over).max())
+    assert np.abs(result.color[..., :3] - want).max() <= 2 * 3 * 4 * UNIT * max(1, np.abs(over).max())
     assert (result.color[..., 3] == 1).all()
 
 

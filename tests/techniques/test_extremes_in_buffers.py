@@ -45,6 +45,7 @@ import numpy as np
 import plainly
 import pytest
 from twins import reference, soups
+from twins.blends import TWINNED
 from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH
 
@@ -58,13 +59,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
 single = np.float32
-ELSEWHERE = ("multi-layer-alpha-blending", "adaptive")
-"""Whose buffers round other numbers than blends: their own tests have their bits and bounds."""
-BLENDING = [
-    name
-    for name, technique in TECHNIQUES.items()
-    if "precision" in technique.option_names and not technique.maps and name not in ELSEWHERE
-]
+BLENDING = [name for name in TECHNIQUES if name in TWINNED]
 PAPERS = {name: TECHNIQUES[name].paper_precision for name in BLENDING}
 COARSE = [name for name in BLENDING if PAPERS[name] != DEFAULT_PRECISION]
 IN_ORDER = [name for name in COARSE if PAPERS[name] == "unorm8"]

@@ -9,6 +9,7 @@ import numpy as np
 import plainly
 import pytest
 from twins import reference, soups
+from twins.blends import TWINNED
 from twins.reference import UNIT
 from twins.soups import AHEAD, BENCH
 
@@ -19,9 +20,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.usefixtures("shared_devices")
 
-ELSEWHERE = ("adaptive",)
-"""Whose picture of many layers is another one: test_adaptive has its extremes."""
-BLENDING = [name for name, technique in TECHNIQUES.items() if not technique.maps and name not in ELSEWHERE]
+BLENDING = [name for name in TECHNIQUES if name in TWINNED]
 EXACT = [name for name in BLENDING if TECHNIQUES[name].exact]
 PEELS = 4  # of glowscript
 

@@ -16,6 +16,9 @@ Layer = tuple[NDArray[np.int64], Floats, Floats]  # pixels, their straight colou
 
 FRONT_TO_BACK = ("sort", "depth-peeling", "multi-layer-peeling")
 
+TWINNED = (*FRONT_TO_BACK, "dual-depth-peeling", "glowscript", "weighted-average", "weighted-sum")
+"""The techniques that have a twin here. All others that blend have twins and extremes in tests of their own."""
+
 
 def to_half(values: Floats) -> Floats:
     return values.astype(np.float16).astype(F)

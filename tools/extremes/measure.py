@@ -45,9 +45,13 @@ def own_precisions(name: str) -> list[PrecisionName]:
     return list(dict.fromkeys((DEFAULT_PRECISION, TECHNIQUES[name].paper_precision)))
 
 
+BY_FORMULA = ("glowscript", "weighted-average", "weighted-sum")
+"""Techniques that are not exact, and whose picture follows from the colours of the layers alone (own_truth)."""
+
+
 def blending() -> list[str]:
-    """Return the techniques that blend the layers of a pixel to a colour, and make no map."""
-    return [name for name, made in TECHNIQUES.items() if "precision" in made.option_names and not made.maps]
+    """Return the techniques that blend the layers of a pixel to a colour, as own_truth knows it."""
+    return [name for name, made in TECHNIQUES.items() if made.exact or name in BY_FORMULA]
 
 
 def series_name(technique: str, precision: str) -> str:

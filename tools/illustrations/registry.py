@@ -90,6 +90,7 @@ TOOLS = (
             "techniques/*peeling*.png",
             "techniques/weighted-*.png",
             *(f"techniques/{name}.png" for name in ("multi-layer-alpha-blending", "adaptive")),
+            "techniques/stochastic*.png",
             "complexity/demo.png",
         ),
         "python tools/technique_pictures.py",
