@@ -87,3 +87,9 @@ class Keywords(TypedDict, total=False):
     """Of the light behind the scene (default: a warm white)."""
     weight: Literal["7", "8", "9", "10"]
     """Of weighted-blended: the paper's equation for weights (default: 10)."""
+    moments: Literal["4", "6", "8", "trigonometric"]
+    """Of moments: how many power moments, or two trigonometric ones (default: 4)."""
+    moment_precision: Literal["single", "quantized"]
+    """Of moments: store them as float32, or in 16 bits each."""
+    overestimation: float
+    """Of moments: how much of what may hide a fragment does (default: 0.25)."""

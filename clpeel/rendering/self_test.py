@@ -515,6 +515,8 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
         return bound + OPTICAL_MOST * length_bound(test) + 16 * ROUNDING
     if test.request.technique.name == "weighted-blended":
         return np.where(layers > 1, bound + WEIGHT_ROUNDINGS * ROUNDING, bound + 8 * ROUNDING)
+    if test.request.technique.name == "moments":
+        return np.where(layers > 1, bound + MOMENTS_SLACK, bound + 16 * ROUNDING)
     dyadic = (layers & (layers - 1)) == 0  # numbers of layers that divide exactly
     return np.where(exact & dyadic, 0.0, bound)
 
@@ -523,6 +525,10 @@ WEIGHT_ROUNDINGS = 2048
 """How far off weights make a mean, in roundings: twice their own error, as they are above and below the line. The
 greatest is that of (1 - d)^3: d is off by four roundings, and counts where 1 - d is at least (1 / 300,000)^(1/3), which is
 three times 4 / 0.0149 roundings."""
+
+MOMENTS_SLACK = 1 / 32
+"""How far off moments make a picture of known layers, as a few layers leave their matrix nearly singular: it is 1 / 75 at
+most, of 4 quantized moments, of which one lies next to the middle of two steps."""
 
 OPTICAL_MOST = 6.0
 """At least the extinction of the known layers by default: OPTICAL_DIAGONAL over a diagonal that is longer than 1."""

@@ -11,6 +11,7 @@ from clpeel.techniques.depth_peeling import DepthPeeling
 from clpeel.techniques.dual_depth_peeling import DualDepthPeeling
 from clpeel.techniques.glowscript import Glowscript
 from clpeel.techniques.layer_count import LayerCount
+from clpeel.techniques.moments import Moments
 from clpeel.techniques.multi_layer_peeling import MultiLayerPeeling
 from clpeel.techniques.precision import Bounded
 from clpeel.techniques.sort import Sort
@@ -37,6 +38,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         WeightedAverage(),
         WeightedSum(),
         WeightedBlended(),
+        Moments(),
         LayerCount(),
     )
 }
