@@ -1,4 +1,4 @@
-"""Known moments: how much of each layer the technique `moments` takes to be seen, by matrices and eigenvalues in float64.
+"""Known moments: how much of each layer `moments` takes to be seen, by matrices and eigenvalues in float64.
 
 It solves what the kernels solve by orthogonal polynomials (techniques/moments-power.h, moments-trigonometric.h): which
 masses have the moments, if one of them lies at a given depth.
@@ -28,8 +28,7 @@ STEPS_16 = 65535
 def seen_of(alpha: Floats, place: Floats, options: MomentsOptions) -> tuple[Floats, Floats]:
     """How much of each layer is seen, but for a factor of its pixel, [pixels, layers]; what comes through, [pixels, 1].
 
-    alpha: 0 where there is no layer. place: -1 at the near plane, 1 at the far one. The factor makes it 1 for the
-    foremost layer.
+    alpha: 0 where there is no layer. place: -1 at the near plane, 1 at the far one. The factor makes the greatest 1.
     """
     absorbance = -np.log(np.maximum(1 - alpha, LEAST_THROUGH))
     total = absorbance.sum(axis=1, keepdims=True)
@@ -38,8 +37,7 @@ def seen_of(alpha: Floats, place: Floats, options: MomentsOptions) -> tuple[Floa
     moments = np.divide(sums, back, out=np.zeros_like(sums), where=back > 0)
     moments = biased(_kept(moments, options), options)
     share = share_before(moments, place, options)
-    foremost = np.where(alpha > 0, place, np.inf).argmin(axis=1)[:, None]
-    behind = share - np.take_along_axis(share, foremost, axis=1)
+    behind = share - np.where(alpha > 0, share, 1.0).min(axis=1, keepdims=True)
     return np.exp(-total * np.maximum(behind, 0)), np.exp(-total)
 
 
@@ -55,7 +53,11 @@ def share_before(moments: NDArray[Any], place: Floats, options: MomentsOptions) 
     every = np.concatenate([np.ones_like(moments[..., :1]), moments], axis=-1)
     row, column = np.indices((order + 1, order + 1))
     apart = row - column
-    gram = np.where(apart < 0, every[..., np.abs(apart)].conj(), every[..., np.abs(apart)]) if circle else every[..., row + column]
+    gram = (
+        np.where(apart < 0, every[..., np.abs(apart)].conj(), every[..., np.abs(apart)])
+        if circle
+        else every[..., row + column]
+    )
     inverse = np.linalg.inv(gram)
 
     def powers(point: NDArray[Any]) -> NDArray[Any]:

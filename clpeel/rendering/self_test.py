@@ -527,8 +527,8 @@ greatest is that of (1 - d)^3: d is off by four roundings, and counts where 1 - 
 three times 4 / 0.0149 roundings."""
 
 MOMENTS_SLACK = 1 / 32
-"""How far off moments make a picture of known layers, as a few layers leave their matrix nearly singular: it is 1 / 75 at
-most, of 4 quantized moments, of which one lies next to the middle of two steps."""
+"""How far off moments make a picture of known layers. A few layers leave their matrix nearly singular. It is 1 / 75 at
+most, with 4 quantized moments, where one lies next to the middle of two steps."""
 
 OPTICAL_MOST = 6.0
 """At least the extinction of the known layers by default: OPTICAL_DIAGONAL over a diagonal that is longer than 1."""

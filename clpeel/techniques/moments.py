@@ -51,7 +51,9 @@ BIASES: dict[tuple[MomentsName, StoredAs], Bias] = {
     ("trigonometric", "single"): Bias(4e-7),
     ("4", "quantized"): Bias(6e-5, (0.628, 0.628)),
     ("6", "quantized"): Bias(6e-4, (0.5566, 0.489, 0.47869382)),
-    ("8", "quantized"): Bias(2.5e-3, (0.42474916387959866, 0.22407802675585284, 0.15369230769230768, 0.12900440529089119)),
+    ("8", "quantized"): Bias(
+        2.5e-3, (0.42474916387959866, 0.22407802675585284, 0.15369230769230768, 0.12900440529089119)
+    ),
     ("trigonometric", "quantized"): Bias(4e-4),
 }
 
@@ -109,7 +111,9 @@ class MomentsOptions(Blending):
     fragments look too bright, with 1 too dark.
     """
 
-    moments: MomentsName = option("4", help="of moments: how many power moments, or two trigonometric ones (default: 4)")
+    moments: MomentsName = option(
+        "4", help="of moments: how many power moments, or two trigonometric ones (default: 4)"
+    )
     moment_precision: StoredAs = option("single", help="of moments: store them as float32, or in 16 bits each")
     overestimation: float = option(
         0.25, SHARE, help="of moments: how much of what may hide a fragment does (default: 0.25)"

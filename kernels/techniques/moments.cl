@@ -10,8 +10,8 @@
 // Moments are moved a little towards those of an even spread, by the paper's bias, so that rounding cannot make them those
 // of nothing. Depths from the near plane to the far one become -1 to 1, by their logarithm in perspective (equation 11).
 //
-// Sums are exact (fragments/exact_sums.h), so they are the same in any order of fragments. T is divided by that of the
-// foremost fragment. It cancels in C, and it keeps T from vanishing where there are many layers.
+// Sums are exact (fragments/exact_sums.h), so they are the same in any order of fragments. T is divided by its greatest
+// value. That cancels in C, and it keeps T from vanishing where there are many layers.
 //
 //   parameters    what depth_of needs; place = a + b x, where x is the depth, or in perspective -ln(c depth): a, b, c;
 //                 overestimation; 1 - bias; bias times each moment of the even spread; where moments are quantized, what is
@@ -157,6 +157,32 @@ INLINE void find_moments(global const ulong *fragments, VECTOR(uint) begin, uint
     find_curve(b, curve);
 }
 
+// The least share of absorbance in front of any fragment. Power moments have it at the foremost one. Of trigonometric ones
+// it may be anywhere, as a mass in the wrapping zone counts for all.
+INLINE VECTOR(float) least_share(global const ulong *fragments, VECTOR(uint) begin, uint step, VECTOR(uint) count,
+                                 global const void *colors, global const float *parameters, const Curve *curve,
+                                 VECTOR(float) foremost)
+{
+#if TRIGONOMETRIC
+    VECTOR(float) least = (VECTOR(float))(1.0f);
+    uint deepest = largest(count);
+    for (uint first = 0; first < deepest; first += ROWS) {
+        VECTOR(ulong) rows[ROWS];
+        Colors source[ROWS];
+        load_rows(fragments, begin, step, count, first, rows);
+        uint fetched = MIN(deepest - first, (uint)ROWS);
+        fetch_colors(rows, fetched, colors, source);
+        for (uint k = 0; k < fetched; ++k) {
+            VECTOR(float) share = share_before(curve, place_of(rows[k], parameters), parameters[OVERESTIMATION]);
+            least = source[k].alpha > (VECTOR(float))(0.0f) ? MIN(least, share) : least;
+        }
+    }
+    return least;
+#else
+    return share_before(curve, foremost, parameters[OVERESTIMATION]);
+#endif
+}
+
 INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR(uint) begin, uint step,
                           VECTOR(uint) count, global const void *colors, Colors *resolved,
                           global const float *parameters)
@@ -165,7 +191,7 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
     VECTOR(float) total, foremost;
     Curve curve;
     find_moments(fragments, begin, step, count, colors, parameters, &total, &curve, &foremost);
-    VECTOR(float) nearest = share_before(&curve, foremost, parameters[OVERESTIMATION]);
+    VECTOR(float) least = least_share(fragments, begin, step, count, colors, parameters, &curve, foremost);
     uint deepest = largest(count);
 #if PRECISION
     Colors buffer;
@@ -183,7 +209,7 @@ INLINE void resolve_strip(global ulong *fragments, global ulong *scratch, VECTOR
         for (uint k = 0; k < fetched; ++k) {
             VECTOR(float) alpha = source[k].alpha;
             VECTOR(float) share = share_before(&curve, place_of(rows[k], parameters), parameters[OVERESTIMATION]);
-            VECTOR(float) behind = total * MAX(share - nearest, zero);
+            VECTOR(float) behind = total * MAX(share - least, zero);
             source[k].alpha = alpha > zero ? alpha * through(behind) : zero;
 #if PRECISION
             blend_add(&buffer, source + k);

@@ -85,7 +85,10 @@ TOOLS = (
     Entry(
         "techniques",
         (
-            *(f"techniques/{name}.png" for name in ("sort", "glowscript", "thickness", "translucency", "layer-count")),
+            *(
+                f"techniques/{name}.png"
+                for name in ("sort", "glowscript", "thickness", "translucency", "moments", "layer-count")
+            ),
             "techniques/*peeling*.png",
             "techniques/weighted-*.png",
             "complexity/demo.png",
