@@ -98,8 +98,8 @@ def twin_and_bound(
     """The picture of layers in float64; and how far off it may be if moment k is off by k times so many roundings.
 
     A place is off by some roundings, as its depth has up to 12 and a logarithm has its own, times 2 / ln 16. Its k-th
-    power is off by k times as many. Twice the sum of what the moments do one by one leaves room for what they do
-    together. Solving for masses rounds as well. Where there are fewer layers than masses, that is worth some of the bias.
+    power is off by k times as many. Twice the sum of what moments do one by one leaves room for what they do together.
+    Solving for masses rounds as well. Where there are fewer layers than masses, that is worth some of the bias.
     """
     colors = colors.astype(np.float32).astype(float)
     place = 2 * np.log(away / NEAR) / np.log(FAR / NEAR) - 1
