@@ -29,7 +29,7 @@ INLINE VECTOR(float) square_of(const Complex *a) { return a->re * a->re + a->im 
 typedef struct { Complex first, middle, last; VECTOR(float) share[2]; } Curve;
 
 // e^(i phi / 2), for phi of a depth. Series of sine and cosine for +-HALF_WAY: what is left out is below 2^-30.
-INLINE void half_turn(VECTOR(float) place, Complex *midway)
+INLINE void midway_to(VECTOR(float) place, Complex *midway)
 {
     VECTOR(float) x = place * HALF_WAY, y = x * x;
     VECTOR(float) sine = y * (1.0f / 6227020800.0f) - (1.0f / 39916800.0f);
@@ -53,7 +53,7 @@ INLINE void half_turn(VECTOR(float) place, Complex *midway)
 INLINE void powers_of(VECTOR(float) place, VECTOR(float) *power)
 {
     Complex midway, once, twice;
-    half_turn(place, &midway);
+    midway_to(place, &midway);
     multiply(&midway, &midway, &once);
     multiply(&once, &once, &twice);
     power[0] = once.re, power[1] = once.im, power[2] = twice.re, power[3] = twice.im;
@@ -92,7 +92,7 @@ INLINE VECTOR(float) share_before(const Curve *curve, VECTOR(float) place, float
 {
     const VECTOR(float) zero = (VECTOR(float))(0.0f);
     Complex midway, point, one, two, low, high, turned, part;
-    half_turn(place, &midway);
+    midway_to(place, &midway);
     multiply(&midway, &midway, &point);
     polynomials_at(curve, &point, &one, &two);
     VECTOR(float) at_point = 1.0f / kernel_of(curve, &one, &two);

@@ -231,7 +231,7 @@ def test_sines_and_cosines(kernel: Any) -> None:
     place = np.linspace(-1, 1, 4001).astype(np.float32)
     want = np.exp(1j * (place.astype(float) + 1) * (np.pi / 2 - ARC / 4))
     for part, wanted in (("re", want.real), ("im", want.imag)):
-        got = kernel(f"Complex half_way; half_turn(a, &half_way); result = half_way.{part};", {"TRIGONOMETRIC": 1})(
+        got = kernel(f"Complex half_way; midway_to(a, &half_way); result = half_way.{part};", {"TRIGONOMETRIC": 1})(
             place
         )
         assert np.abs(got - wanted).max() <= 6 * UNIT
