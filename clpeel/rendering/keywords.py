@@ -105,3 +105,9 @@ class Keywords(TypedDict, total=False):
     """Of stochastic: samples that a fragment covers some of: 8, 16 or 64 (default: 8)."""
     alpha_correction: bool
     """Correct the opacity of stochastic to that of all layers."""
+    moments: Literal["4", "6", "8", "trigonometric"]
+    """Of moments: how many power moments, or two trigonometric ones (default: 4)."""
+    moment_precision: Literal["single", "quantized"]
+    """Of moments: store them as float32, or in 16 bits each."""
+    overestimation: float
+    """Of moments: how much of what may hide a fragment does (default: 0.25)."""

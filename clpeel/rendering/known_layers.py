@@ -19,6 +19,7 @@ from clpeel.device.samples import PATTERNS, Pattern
 from clpeel.options import Options
 from clpeel.rendering.known_lights import KNOWN_LIGHTS, covering, under_lights
 from clpeel.rendering.known_masks import Masks, masks_of
+from clpeel.rendering.known_moments import seen_of
 from clpeel.scene.camera import Camera
 from clpeel.scene.lights import KIT, PointLight
 from clpeel.scene.materials import Finish, Material
@@ -26,6 +27,7 @@ from clpeel.scene.scene import Scene
 from clpeel.scene.textures import Minify, Texture, linear, srgb
 from clpeel.stages.shading import MATT
 from clpeel.techniques import TECHNIQUES, AnyTechnique
+from clpeel.techniques.moments import MomentsOptions
 from clpeel.techniques.translucency import LIGHT_COLOR, OPTICAL_DIAGONAL, REFLECTANCE
 
 Floats = NDArray[np.float64]
@@ -622,6 +624,21 @@ def stochastic(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: O
     return over(np.concatenate([colors, through], axis=1), stack.behind), {}
 
 
+def moments(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
+    """sum(Ai Ti Ci) / sum(Ai Ti) (1 - R) + C0 R with Ti from moments (Muenstermann et al. 2018, equation 2)."""
+    assert isinstance(options, MomentsOptions)
+    alpha = np.where(stack.transparent, stack.color[..., 3], 0.0)
+    z = np.where(stack.present, stack.distance, FAR)
+    place = np.log(z / NEAR) / np.log(FAR / NEAR) if wanted.perspective else (z - NEAR) / (FAR - NEAR)
+    seen, through = seen_of(alpha, 2 * place - 1, options)
+    weight = alpha * seen
+    colors, total = (weight[..., None] * stack.color[..., :3]).sum(axis=1), weight.sum(axis=1, keepdims=True)
+    if options.precision == "unorm8":
+        colors, total = np.minimum(colors, 1.0), np.minimum(total, 1.0)
+    mean = np.divide(colors, total, out=np.zeros_like(colors), where=total > 0)
+    return over(np.concatenate([mean * (1 - through), through], axis=1), stack.behind), {}
+
+
 def layer_count(stack: Stack, wanted: Wanted, technique: AnyTechnique, options: Options) -> Shown:
     """How many fragments a sample has."""
     return np.empty((0, 4)), {"layer_count": stack.present.sum(axis=1).astype(np.float64)}
@@ -684,6 +701,7 @@ SHOWN: dict[str, Callable[[Stack, Wanted, AnyTechnique, Options], Shown]] = {
     "multi-layer-alpha-blending": multi_layer_alpha_blending,
     "adaptive": adaptive,
     "stochastic": stochastic,
+    "moments": moments,
     "layer-count": layer_count,
     "thickness": thickness,
     "translucency": translucency,

@@ -334,6 +334,8 @@ def color_bound(stack: Stack, test: _Test) -> Floats:
     if test.request.technique.name == "stochastic":
         # Alpha correction divides by the foremost alpha at least, 1/4. Where a mask is in doubt nothing is known.
         return np.where(masks(stack, test.options).doubtful & features.fragment_color, float(LAYERS), 4 * bound)
+    if test.request.technique.name == "moments":
+        return np.where(layers > 1, bound + MOMENTS_SLACK, bound + 16 * ROUNDING)
     if test.request.technique.name == "wavelet":
         return bound + _wavelet_bound(stack, test)
     layers = np.maximum(layers - getattr(test.options, "kept_layers", 0), 0)
@@ -373,6 +375,10 @@ WEIGHT_ROUNDINGS = 512
 The greatest is that of z^6 or (1 - d)^3. A depth is off by 16 roundings, and a power by its exponent times that. 1 - d
 is the difference of two numbers of which the greater is at most twice as large, as known layers lie in the nearer half.
 """
+
+MOMENTS_SLACK = 1 / 32
+"""How far off moments make a picture of known layers. A few layers leave their matrix nearly singular. It is 1 / 75 at
+most, with 4 quantized moments, where one lies next to the middle of two steps."""
 
 OPTICAL_MOST = 6.0
 """At least the extinction of the known layers by default: OPTICAL_DIAGONAL over a diagonal that is longer than 1."""

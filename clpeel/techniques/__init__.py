@@ -13,6 +13,7 @@ from clpeel.techniques.dual_depth_peeling import DualDepthPeeling
 from clpeel.techniques.glowscript import Glowscript
 from clpeel.techniques.k_buffer import KBuffer
 from clpeel.techniques.layer_count import LayerCount
+from clpeel.techniques.moments import Moments
 from clpeel.techniques.multi_layer_alpha_blending import MultiLayerAlphaBlending
 from clpeel.techniques.multi_layer_peeling import MultiLayerPeeling
 from clpeel.techniques.precision import Bounded
@@ -47,6 +48,7 @@ TECHNIQUES: dict[str, AnyTechnique] = {
         MultiLayerAlphaBlending(),
         Adaptive(),
         Stochastic(),
+        Moments(),
         LayerCount(),
     )
 }

@@ -93,6 +93,8 @@ BY_PASSES = [
 OTHERS = [
     ("techniques/multi-layer-peeling.cl", {"HAZARD_WINDOW": 2, "HAZARD_ARRIVAL": 0, "TORN_WRITES": 1}),
     ("techniques/thickness.cl", {"PERSPECTIVE": 0, "VARIANT": 1}),
+    ("techniques/moments.cl", {"MOMENTS": 8, "QUANTIZED": 1, "PERSPECTIVE": 0}),
+    ("techniques/moments.cl", {"TRIGONOMETRIC": 1, "QUANTIZED": 1}),
     ("stages/setup.cl", {"LOW_POSITIONS": 1}),
     ("stages/expand.cl", {"LOW_POSITIONS": 1}),
     ("stages/wires.cl", {"LOW_POSITIONS": 1}),

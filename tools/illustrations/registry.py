@@ -86,7 +86,7 @@ TOOLS = (
         "techniques",
         (
             *(f"techniques/{name}.png" for name in ("sort", "glowscript", "thickness", "translucency", "layer-count")),
-            *(f"techniques/{name}.png" for name in ("k-buffer", "wavelet")),
+            *(f"techniques/{name}.png" for name in ("k-buffer", "wavelet", "moments")),
             "techniques/*peeling*.png",
             "techniques/weighted-*.png",
             *(f"techniques/{name}.png" for name in ("multi-layer-alpha-blending", "adaptive")),
