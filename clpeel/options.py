@@ -83,7 +83,7 @@ def option(default: T, kind: Kind | None = None, *, help: str, flag: str = "") -
     return dataclasses.field(default=default, metadata={_KEY: (kind, help, flag)})
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Options:
     """Base of all options. Values are checked on construction. Raises InputError if one is invalid."""
 
@@ -91,6 +91,21 @@ class Options:
         for each in options_of(type(self)):
             object.__setattr__(self, each.name, each.checked(getattr(self, each.name)))
         self.check_together()
+
+    # A command makes all classes of options as it starts. Without methods of their own that takes half the time.
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash((type(self), *self._values()))
+
+    def __repr__(self) -> str:
+        names = (each.name for each in options_of(type(self)))
+        given = zip(names, self._values(), strict=True)
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in given)})"
+
+    def _values(self) -> tuple[object, ...]:
+        return tuple(getattr(self, each.name) for each in options_of(type(self)))
 
     def check_together(self) -> None:
         """Raise InputError if two values, each of them valid, do not go together."""

@@ -80,7 +80,7 @@ def _read_angle(text: str) -> float:
     return read_within(text, 0, 180, "degrees, 0..180")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PictureOptions(Options):
     """The options of all pictures, whatever the technique.
 

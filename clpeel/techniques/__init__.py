@@ -62,7 +62,7 @@ ERROR_BOUND = "error_bound"
 """The map that `max_error` makes."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AutoOptions(Options):
     """The options of `auto`. It chooses only among techniques that keep to them."""
 

@@ -26,7 +26,7 @@ NODE_BYTES = FRAGMENT_BYTES + 4
 """Bytes of a node's place and distance. Its transmittance is one channel of a buffer."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class NodeOptions(Blending):
     """The options of adaptive.
 

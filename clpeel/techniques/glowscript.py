@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MOST_PEELS = 4
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GlowscriptOptions(Blending):
     """The options of Peeling, with a fixed number of passes: without occlusion_query and max_error."""
 

@@ -29,7 +29,7 @@ ROUTED_A_PASS = 8
 """How many fragments of a pixel one stencil-routed pass takes: as many as a multisampled pixel has samples."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class KBufferOptions(Blending):
     """The options of k-buffer.
 

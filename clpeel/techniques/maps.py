@@ -18,7 +18,7 @@ STRIP_PIXELS = 1 << 20
 """How many pixels are coloured at once. This bounds the memory that colouring takes besides the picture."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MapOptions(Options):
     """The options of all techniques whose picture is a map in colours."""
 

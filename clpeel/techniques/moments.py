@@ -101,7 +101,7 @@ MIXINGS: dict[MomentsName, Mixing] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MomentsOptions(Blending):
     """The options of moments.
 

@@ -26,7 +26,7 @@ DEPTH_BYTES = 4
 """Bytes of a slot's depth, besides its colour."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SlotOptions(Blending):
     """The options of multi-layer-alpha-blending.
 

@@ -47,7 +47,7 @@ def layers_per_pass(targets: int = 4, target_bytes: int = 16, color_bytes: int =
     return layers
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MultiLayerOptions(Peeling):
     """The options of Peeling, and those of a pass of several layers.
 

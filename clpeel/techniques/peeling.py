@@ -14,7 +14,7 @@ CoincidentName = Literal["keep", "paper"]
 MAX_PASSES = 1 << 20
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Peeling(Bounded):
     """The options of all techniques that peel.
 

@@ -36,7 +36,7 @@ PRECISIONS: dict[str, Precision] = {
 """In the order of the kernels' numbers. The papers use unorm8 (RGBA8) for blended layers, and half for sums."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Blending(Options):
     """The options of all techniques that blend colours."""
 
@@ -56,7 +56,7 @@ class Blending(Options):
         return {"PRECISION": number} if number else {}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Bounded(Blending):
     """The options of techniques that blend layers in order. They know how much the next layers could still change."""
 

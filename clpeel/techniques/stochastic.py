@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from clpeel.stages.tiles import Drawn
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class StochasticOptions(Blending):
     """The options of stochastic.
 

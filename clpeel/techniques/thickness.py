@@ -35,7 +35,7 @@ VARIANTS: tuple[VariantName, ...] = get_args(VariantName)
 """The variants in the order of the kernels' numbers (thickness.h)."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Variant(Options):
     """The option of all techniques that measure thickness.
 
@@ -49,7 +49,7 @@ class Variant(Options):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ThicknessOptions(MapOptions, Variant):
     """Which thickness is measured, and how it is shown."""
 

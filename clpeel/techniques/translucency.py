@@ -31,7 +31,7 @@ OPTICAL_DIAGONAL = 6.0
 """The default sigma is this number, divided by the diagonal of the scene's bounds."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class TranslucencyOptions(Blending, Variant):
     """The options of the light, and of the material that it goes through.
 

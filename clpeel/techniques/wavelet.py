@@ -24,7 +24,7 @@ RankName = Literal[2, 3]
 RangeName = Literal["pixel", "scene"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WaveletOptions(Blending):
     """The options of wavelet.
 

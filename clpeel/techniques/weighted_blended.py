@@ -26,7 +26,7 @@ WEIGHTS: tuple[WeightName, ...] = get_args(WeightName)
 """The equations of the paper that say how much a fragment counts at its depth."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedBlendedOptions(Blending):
     """The options of weighted-blended.
 
