@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from types import NoneType
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -20,15 +21,10 @@ from numpy.typing import ArrayLike
 from clpeel import checks
 from clpeel.errors import InputError
 from clpeel.reading.companions import Companions, named
-from clpeel.reading.from_trimesh import from_trimesh
 from clpeel.reading.losses import listed
-from clpeel.reading.obj import obj
 from clpeel.reading.objects import KNOWN, library_of, of_object
-from clpeel.reading.off import off
-from clpeel.reading.ply import ply
 from clpeel.reading.reader_log import collected
 from clpeel.reading.signatures import check_beginning
-from clpeel.reading.stl import stl
 from clpeel.reading.words import one_line
 from clpeel.reading.xyz import XYZ, xyz
 from clpeel.scene.arrays import checked_color, checked_opacity
@@ -45,8 +41,8 @@ GLTF = ("glb", "gltf")
 KNOWN_EXTENSIONS = ("ply", "stl", "obj", "off", "glb", "gltf", "3mf", "pcd", *XYZ)
 """File types that `load` always reads, with or without .gz. It reads more where trimesh has the packages for them."""
 
-_READERS: dict[str, Callable[[bytes, Companions], Scene]] = {"ply": ply, "stl": stl, "obj": obj, "off": off}
-"""Those that need no trimesh. To import it alone can take most of a command's time."""
+_OWN = ("ply", "stl", "obj", "off")
+"""Those that a module of this name reads. It needs no trimesh, whose import alone can take most of a command's time."""
 
 
 def load(
@@ -192,8 +188,11 @@ def _from_file(path: str, moment: Moment | None) -> Scene:
             return pcd(data)
         if extension in XYZ:
             return xyz(data, extension)
-        if extension in _READERS:
-            return _READERS[extension](data, Companions(path))
+        if extension in _OWN:
+            read: Callable[[bytes, Companions], Scene] = getattr(
+                import_module(f"clpeel.reading.{extension}"), extension
+            )
+            return read(data, Companions(path))
     _require_reader(path, extension)
     from clpeel.reading.libraries import read_by_library
 
@@ -216,6 +215,7 @@ def _read(path: str, extension: str, data: bytes, records: list[logging.LogRecor
     import trimesh
 
     from clpeel.reading import losses
+    from clpeel.reading.from_trimesh import from_trimesh
 
     companions = Companions(path)
     loaded = trimesh.load_scene(io.BytesIO(data), file_type=extension, resolver=companions, process=False)
