@@ -75,6 +75,10 @@ class Allowance:
 
 EXCEPTIONS = (
     Allowance(
+        "^moments ", "draw", 256, 160,
+        "a lane keeps the moments of its four pixels, up to nine sums of 64 bits each, and solves for all four at once",
+    ),
+    Allowance(
         "^clipping ", "clip_triangles", 128, 1024,
         "clipping keeps two polygons of ten corners a face; only faces that a clipping plane cuts are clipped",
     ),

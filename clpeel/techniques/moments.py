@@ -148,7 +148,7 @@ class Moments(Technique[MomentsOptions]):
     def draw(self, frame: Frame, batch: Batch, options: MomentsOptions) -> Drawn:
         """Draws the batch in one geometry pass, whose fragments it goes through twice."""
         constants = {
-            "MOMENTS": options.numbers,
+            **({"MOMENTS": options.numbers} if options.numbers != 4 else {}),
             "TRIGONOMETRIC": int(options.moments == "trigonometric"),
             "QUANTIZED": int(options.moment_precision == "quantized"),
             "PERSPECTIVE": int(frame.triangles.perspective),
