@@ -380,7 +380,10 @@ def variants(lanes: int = GPU_LANES) -> list[Variant]:
     return [replace(each, main=_is_main(each, lanes)) for each in found.values()]
 
 
-IN_MAIN = ("LAYERS_A_PASS", "PERSPECTIVE", "ALL_OPAQUE", "ATOMICS_64", *Targets(1, 1, 1).constants)
+DEFAULTS = {"LAYERS_A_PASS": 8, "WEIGHT": 10, "MASK_BITS": 8, "CORRECTED": 1}
+"""Constants of techniques' options, and what the default options make of them."""
+
+IN_MAIN = (*DEFAULTS, "PERSPECTIVE", "ALL_OPAQUE", "ATOMICS_64", *Targets(1, 1, 1).constants)
 """Constants that a technique's default options have."""
 
 
@@ -389,7 +392,7 @@ def _is_main(variant: Variant, lanes: int) -> bool:
     if any(value and name not in IN_MAIN for name, value in variant.defines):
         return False
     main = replace(MAIN, lanes=lanes, surfaces=variant.features.surfaces)
-    if dict(variant.defines).get("LAYERS_A_PASS", 8) != 8:
+    if any(value != DEFAULTS.get(name, value) for name, value in variant.defines):
         return False
     return variant.features in (
         main,
