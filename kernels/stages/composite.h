@@ -64,7 +64,7 @@ INLINE float4 mean_of(local const Colors *layer, uint column, uint row, const Sa
 
 // The means of a strip of the picture's pixels, from number q of the tile on. Four samples a pixel are added up side by side,
 // in the same order: these pixels are those of a row of four blocks.
-INLINE void means_of(local const Colors *layer, uint q, const Sampling *s, Colors *means)
+INLINE void means_of_strip(local const Colors *layer, uint q, const Sampling *s, Colors *means)
 {
 #if LANES == 1 && STRIP == 16
 #define OF_BLOCKS(a, b, c, d)                                                                                   \
@@ -172,7 +172,7 @@ INLINE uint composite_tile(local const Colors *layer, uint tile, int columns, in
         // A strip of the picture's pixels: those of a block where pixels are samples, else those of the tile row by
         // row.
         Colors pixel;
-        if (s->columns) means_of(layer, q, s, &pixel);
+        if (s->columns) means_of_strip(layer, q, s, &pixel);
         else pixel = layer[q / STRIP];
         VECTOR(float) alpha = 1.0f - pixel.alpha;
         VECTOR(float) red = (VECTOR(float))(first.x), green = (VECTOR(float))(first.y), blue = (VECTOR(float))(first.z);
