@@ -232,7 +232,7 @@ def test_parallel_projection(lanes: int) -> None:
     corners = np.empty((12, 3, 3))
     corners[..., :2] = np.array([[-9.0, -9.0], [27.0, -9.0], [-9.0, 27.0]])
     corners[..., 2] = depth[:, None]
-    colors = rng.random((12, 4)).astype(np.float32)
+    colors = rng.random((12, 4)).astype(np.float32) * np.array([1, 1, 1, 0.5], np.float32)
     scene = soups.separate(corners, colors).scene()
     exact, distances = colors.astype(float), 1 - depth
     for within, ends in (("pixel", None), ("scene", (0.25, 4.0))):
