@@ -292,7 +292,7 @@ def test_a_known_lack_is_a_note(kernels_with: Callable[[str, str], None], monkey
 
 def test_numbers_that_kernels_make_up_are_a_wrong_picture(kernels_with: Callable[[str, str], None]) -> None:
     """A pixel with more fragments than there are is an error that the picture is not to blame for."""
-    kernels_with("(uint4)(total, deepest, solid, 0)", "(uint4)(total, ~0u, solid, 0)")
+    kernels_with("(uint4)(total, deepest, solid, cut)", "(uint4)(total, ~0u, solid, cut)")
     assert "~0u, solid" in program.source("techniques/sort.cl")
     with pytest.raises(DeviceError, match="got InputError .memory: expected room for the 4,294,967,295 fragments"):
         picture(layers())
