@@ -391,7 +391,19 @@ def variants(lanes: int = GPU_LANES) -> list[Variant]:
     return [replace(each, main=_is_main(each, lanes)) for each in found.values()]
 
 
-DEFAULTS = {"LAYERS_A_PASS": 8, "SLOTS": 4, "NODES": 8, "WEIGHT": 10, "MASK_BITS": 8, "CORRECTED": 1}
+DEFAULTS = {
+    "LAYERS_A_PASS": 8,
+    "SLOTS": 4,
+    "NODES": 8,
+    "WEIGHT": 10,
+    "MASK_BITS": 8,
+    "CORRECTED": 1,
+    "KEPT_LAYERS": 8,
+    "BY_ARRIVAL": 0,
+    "AVERAGED": 1,
+    "WAVELET_RANK": 3,
+    "PIXEL_RANGE": 1,
+}
 """Constants of techniques' options, and what the default options make of them."""
 
 IN_MAIN = (*DEFAULTS, "PERSPECTIVE", "ALL_OPAQUE", "ATOMICS_64", *Targets(1, 1, 1).constants)

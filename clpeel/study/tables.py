@@ -54,7 +54,7 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
 def aligned(cells: Sequence[Sequence[str]]) -> list[str]:
     """Return rows of cells as lines. The first column is left-aligned, the others right-aligned, one space apart.
 
-    With so little space, even the widest names fit in 120 characters.
+    With so little space, even the widest names fit in 124 characters.
     """
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [

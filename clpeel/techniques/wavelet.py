@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 from clpeel.device.layout import FRAGMENT_BYTES
 from clpeel.options import option
 from clpeel.techniques.precision import Blending
-from clpeel.techniques.technique import Count, Technique
+from clpeel.techniques.technique import Technique
 
 if TYPE_CHECKING:
     from clpeel.stages.binning import Batch
@@ -48,13 +48,9 @@ class Wavelet(Technique[WaveletOptions]):
     summary = "fast, not exact: layers hide each other as a sum of wavelets over depth says; coverage is exact"
     kernel = "techniques/wavelet.cl"
     options = WaveletOptions
-    least_passes = 2
+    least_passes = 1
     paper_precision = "half"
     stores_fragments = True
-
-    def passes_for(self, layers: Count, options: WaveletOptions) -> Count:
-        """Two: for the wavelets, and for the colours."""
-        return layers * 0 + 2
 
     def buffer_bytes(self, layers: int, options: WaveletOptions) -> int:
         """All fragments of a sample. They are stored until they can be added up in the order of submission."""
